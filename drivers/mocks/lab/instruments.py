@@ -1,0 +1,72 @@
+"""Errors of the lab's instruments: fixed ones inside the specification, and noise on every update."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# of reading and of range (one sigma of a uniform error of the width in the analyzer's dc and ac accuracy)
+_GAIN = {1: 3e-4 / np.sqrt(3), 2: 3e-4 / np.sqrt(3), 3: 2e-3 / np.sqrt(3), 4: 2e-3 / np.sqrt(3)}
+_OFFSET_A = {1: 2.5e-3 / np.sqrt(3), 2: 5e-3 / np.sqrt(3), 3: 0.0, 4: 0.0}
+_OFFSET_W = {1: 0.0, 2: 0.0, 3: 1.0, 4: 1.0}
+_NOISE = {1: 1e-4, 2: 1e-4, 3: 4e-4, 4: 4e-4}  # of reading, one update
+_TEMPERATURE_OFFSET_K = 0.3
+_TAIL = 6.0  # degrees of freedom of the noise: heavier tails than normal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentErrors:
+    """The fixed errors of one lab's instruments, drawn once."""
+
+    voltage_gain: dict[int, float]
+    current_gain: dict[int, float]
+    offset_A: dict[int, float]
+    offset_W: dict[int, float]
+    temperature_K: dict[str, float]
+    output_sense: float
+    supply_V: float
+
+
+def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
+    """One lab's instruments, all inside their specification."""
+
+    def uniform(sigma: float) -> float:
+        return float(rng.uniform(-1, 1) * sigma * np.sqrt(3))
+
+    halves = {e: uniform(s) for e, s in _GAIN.items()}
+    return InstrumentErrors(
+        voltage_gain={e: 0.4 * g for e, g in halves.items()},
+        current_gain={e: 0.6 * g for e, g in halves.items()},
+        offset_A={e: uniform(s) for e, s in _OFFSET_A.items()},
+        offset_W={e: uniform(s) for e, s in _OFFSET_W.items()},
+        temperature_K={
+            n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in ("heatsink", "inductor", "transformer")
+        },
+        output_sense=uniform(5e-4),
+        supply_V=uniform(0.1),
+    )
+
+
+def read_element(
+    errors: InstrumentErrors, element: int, volt_amp_watt: Sequence[Array], rng: np.random.Generator
+) -> tuple[Array, Array, Array]:
+    """U, I and P of one element as it shows them in one update; inputs and results have one shape."""
+    U, I, P = volt_amp_watt
+    gain_U, gain_I = 1 + errors.voltage_gain[element], 1 + errors.current_gain[element]
+    offset_A = errors.offset_A[element]
+
+    def noise() -> Array:
+        draw = rng.standard_t(_TAIL, np.shape(P)) * np.sqrt((_TAIL - 2) / _TAIL)
+        return np.asarray(1 + _NOISE[element] * draw)
+
+    shown_P = P * gain_U * gain_I * noise() + (offset_A * U + errors.offset_W[element]) * (
+        1 + 0.05 * (noise() - 1)
+    )
+    return (
+        U * gain_U * (1 + 0.3 * (noise() - 1)),
+        (I * gain_I + offset_A) * (1 + 0.5 * (noise() - 1)),
+        shown_P,
+    )

@@ -1,0 +1,189 @@
+"""One virtual lab: a drawn converter with what is hidden in it, its heat, and its instruments.
+
+Everything here is vectorised over operating points; :class:`drivers.mocks.plant.Plant` runs it one point at a
+time along the clock, trial generators run a whole campaign at once.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.mocks.lab.hidden import Quirks, drawn_values, hide
+from drivers.mocks.lab.instruments import InstrumentErrors, draw_instruments
+from drivers.mocks.lab.losses import LabLosses, lab_losses
+from drivers.mocks.lab.parts import draw_converter
+from drivers.mocks.lab.waveforms import Demand, Heat, lab_orbit
+from sim.modulation import centre_offset, infeasible_pulse
+from sim.parameters import Converter
+from sim.regulation import Regulated
+
+Array = NDArray[np.float64]
+
+AMBIENT_C = 25.0
+_HEATSINK_S, _INDUCTOR_S, _TRANSFORMER_S = 40.0, 60.0, 80.0  # thermal time constants
+_DRIFT_S = 6 * 3600.0  # a slow part of the lab warms with this time constant
+_SETTLING_ROUNDS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Electrical:
+    """Truth inside the converter at N points; ``running`` is false where it cannot run.
+
+    ``drawn_W`` is taken from the dc link at ``link_V``, before fan and slow drift.
+    """
+
+    running: NDArray[np.bool_]
+    D0: Array
+    link_V: Array
+    drawn_W: Array
+    V2_V: Array
+    P2_W: Array
+    P_link1_W: Array
+    P_link2_W: Array
+    rms_A: Array
+    losses: LabLosses
+    regulated: Regulated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Laboratory:
+    """What one seed drew."""
+
+    converter: Converter
+    quirks: Quirks
+    errors: InstrumentErrors
+    hidden: dict[str, float]
+
+    @classmethod
+    def draw(cls, *, seed: int, hidden: Mapping[str, float | None] | None = None) -> Self:
+        """A lab from a seed; ``hidden`` maps effect names to values, ``None`` for one that the seed draws."""
+        parts, instruments, values = (np.random.default_rng([seed, k]) for k in range(3))
+        chosen = drawn_values(hidden or {}, values)
+        converter, quirks = hide(draw_converter(parts), chosen)
+        return cls(converter=converter, quirks=quirks, errors=draw_instruments(instruments), hidden=chosen)
+
+    def ambient_C(self, time_s: Array | float) -> Array:
+        """The room's temperature."""
+        return np.asarray(AMBIENT_C + self.quirks.ambient_K_per_h * np.asarray(time_s) / 3600)
+
+    def cold(self, ambient_C: Array) -> Heat:
+        """Everything at ambient."""
+        return Heat(**{f.name: np.array(ambient_C, dtype=float) for f in fields(Heat)})
+
+    def demand(self, D1: Array, D2: Array, power_W: Array, supply_V: Array) -> Demand:
+        """What the converter gets for a set point: its own duty offset and sensing error included."""
+        V2 = self.converter.V2_V * (1 + self.errors.output_sense)
+        return Demand(
+            D1=np.clip(D1 + self.quirks.duty_offset, 0.0, 1.0),
+            D2=np.asarray(D2, dtype=float),
+            power_W=power_W + self.converter.output_cable_Ohm * (power_W / V2) ** 2,
+            V1_V=supply_V + self.errors.supply_V - self.converter.input_cable_Ohm * power_W / supply_V,
+            V2_V=V2 + 0.0 * power_W,
+        )
+
+    def run(self, demand: Demand, power_W: Array, heat: Heat, warm: Electrical | None = None) -> Electrical:
+        """Solve the circuit at given temperatures."""
+        dead = np.full(demand.D1.shape, self.converter.dead_time_s / self.converter.half_period_s)
+        runs = infeasible_pulse(demand.D1, demand.D2, dead) == ""
+        expected = demand.power_W * 1e-3 if warm is None else warm.losses.secondary_switching
+        circuit, regulated = lab_orbit(
+            self.converter, heat, demand, expected, None if warm is None else warm.regulated
+        )
+        losses = lab_losses(self.converter, heat, circuit, regulated.orbit)
+        link2 = demand.power_W + losses.secondary_conduction + losses.secondary_switching
+        link1 = link2 + losses.link
+        return Electrical(
+            running=runs & regulated.reached,
+            D0=regulated.phase - centre_offset(demand.D1, demand.D2),
+            link_V=demand.V1_V,
+            drawn_W=link1 + losses.primary + self.converter.auxiliary_power_W,
+            V2_V=demand.V2_V - self.converter.output_cable_Ohm * power_W / demand.V2_V,
+            P2_W=power_W,
+            P_link1_W=link1,
+            P_link2_W=link2,
+            rms_A=losses.rms_A,
+            losses=losses,
+            regulated=regulated,
+        )
+
+    def input_terminals(
+        self, now: Electrical, heatsink_C: Array, time_s: Array | float
+    ) -> tuple[Array, Array]:
+        """V1 in V and P1 in W at the analyzer's terminals: fan, slow drift and input cable included."""
+        fan = np.where(heatsink_C > self.quirks.fan_on_C, self.quirks.fan_W, 0.0)
+        drift = self.quirks.drift_share * -np.expm1(-np.asarray(time_s) / _DRIFT_S)
+        drawn = now.drawn_W + fan + drift * (now.drawn_W + fan - now.P2_W)
+        V1 = now.link_V + self.converter.input_cable_Ohm * drawn / now.link_V
+        return V1, drawn * V1 / now.link_V
+
+    def final_heat(self, losses: LabLosses, ambient_C: Array) -> Heat:
+        """Temperatures that these losses would settle at."""
+        c, kinds = self.converter, losses.by_kind
+        heatsink = ambient_C + c.heatsink_K_per_W * sum(kinds.values(), np.zeros(1))
+        return self._with_junctions(
+            losses,
+            heatsink,
+            ambient_C + c.inductor.thermal_K_per_W * losses.inductor,
+            ambient_C + c.transformer.thermal_K_per_W * losses.transformer,
+        )
+
+    def _with_junctions(
+        self, losses: LabLosses, heatsink_C: Array, inductor_C: Array, transformer_C: Array
+    ) -> Heat:
+        primary = self.converter.primary
+        rise = {
+            "outer": primary.outer.thermal_K_per_W,
+            "inner": primary.inner.thermal_K_per_W,
+            "clamp": primary.clamp.thermal_K_per_W,
+            "secondary": self.converter.secondary.switch.thermal_K_per_W,
+        }
+        junctions = {f"{k}_C": np.minimum(heatsink_C + rise[k] * losses.by_kind[k] / 4, 200.0) for k in rise}
+        return Heat(
+            heatsink_C=np.minimum(heatsink_C, 180.0),
+            inductor_C=np.minimum(inductor_C, 180.0),
+            transformer_C=np.minimum(transformer_C, 180.0),
+            **junctions,
+        )
+
+    def warmed(self, heat: Heat, losses: LabLosses, ambient_C: Array, elapsed_s: float) -> Heat:
+        """Temperatures after a time at constant losses: first-order lags, junctions at once."""
+        end = self.final_heat(losses, ambient_C)
+
+        def lag(now: Array, final: Array, time_constant_s: float) -> Array:
+            return np.asarray(final + (now - final) * np.exp(-elapsed_s / time_constant_s))
+
+        return self._with_junctions(
+            losses,
+            lag(heat.heatsink_C, end.heatsink_C, _HEATSINK_S),
+            lag(heat.inductor_C, end.inductor_C, _INDUCTOR_S),
+            lag(heat.transformer_C, end.transformer_C, _TRANSFORMER_S),
+        )
+
+    def cooled(self, heat: Heat, ambient_C: Array, elapsed_s: float) -> Heat:
+        """Temperatures after a time without losses."""
+
+        def lag(now: Array, time_constant_s: float) -> Array:
+            return np.asarray(ambient_C + (now - ambient_C) * np.exp(-elapsed_s / time_constant_s))
+
+        heatsink = lag(heat.heatsink_C, _HEATSINK_S)
+        return Heat(
+            heatsink_C=heatsink,
+            inductor_C=lag(heat.inductor_C, _INDUCTOR_S),
+            transformer_C=lag(heat.transformer_C, _TRANSFORMER_S),
+            **{f"{kind}_C": heatsink for kind in ("outer", "inner", "clamp", "secondary")},
+        )
+
+    def settled(
+        self, D1: Array, D2: Array, power_W: Array, supply_V: Array, time_s: Array
+    ) -> tuple[Electrical, Heat]:
+        """The steady state of N set points."""
+        demand, ambient = self.demand(D1, D2, power_W, supply_V), self.ambient_C(time_s) + 0.0 * power_W
+        heat, now = self.cold(ambient), None
+        for _ in range(_SETTLING_ROUNDS):
+            now = self.run(demand, power_W, heat, now)
+            heat = self.final_heat(now.losses, ambient)
+        assert now is not None
+        return now, heat

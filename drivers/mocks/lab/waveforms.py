@@ -1,0 +1,123 @@
+"""The lab's ac link: its own temperature laws, then the waveform solver."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.modulation import centre_offset, hybrid_edges
+from sim.parameters import Capacitance, Conduction, Converter
+from sim.regulation import Regulated, regulate
+from sim.soft_switching import swing_curve
+from sim.steady_state import Circuit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heat:
+    """Temperatures of the lab's parts in degC, each (N,)."""
+
+    heatsink_C: Array
+    outer_C: Array
+    inner_C: Array
+    clamp_C: Array
+    secondary_C: Array
+    inductor_C: Array
+    transformer_C: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demand:
+    """What is applied at N points: duty ratios, power at the output capacitors, dc voltages."""
+
+    D1: Array
+    D2: Array
+    power_W: Array
+    V1_V: Array
+    V2_V: Array
+
+
+def channel_Ohm(conduction: Conduction, junction_C: Array) -> Array:
+    """SiC on-resistance with the bend of a SiC channel: 1.32 at 125 degC and 1.59 at 175 degC for a nominal die."""
+    rise = junction_C - 25.0
+    bend = conduction.resistance_per_K / 0.0032
+    return np.asarray(conduction.resistance_Ohm * (1 + bend * (1.73e-3 * rise + 1.47e-5 * rise**2)))
+
+
+def _drop(conduction: Conduction, junction_C: Array) -> tuple[Array, Array]:
+    """Bipolar drop: a linear knee voltage and a resistance that follows T^k."""
+    absolute = (junction_C + 273.15) / 298.15
+    knee = conduction.threshold_V * (1 + conduction.threshold_per_K * (junction_C - 25.0))
+    return np.asarray(knee), np.asarray(
+        conduction.resistance_Ohm * absolute ** (298.15 * conduction.resistance_per_K)
+    )
+
+
+def winding_Ohm(resistance_Ohm: Array | float, temperature_C: Array) -> Array:
+    """Copper's own law, 234.5 K below zero."""
+    return np.asarray(resistance_Ohm * (234.5 + temperature_C) / (234.5 + 25.0))
+
+
+def series_Ohm(converter: Converter, heat: Heat) -> Array:
+    """The ac loop's resistance outside the semiconductors, at the switching frequency, on the primary side."""
+    inductor, transformer = converter.inductor.winding, converter.transformer.winding
+    return np.asarray(
+        converter.link_resistance_Ohm
+        + winding_Ohm(inductor.resistance_Ohm, heat.inductor_C) * (1 + inductor.ac_extra)
+        + winding_Ohm(transformer.resistance_Ohm, heat.transformer_C) * (1 + transformer.ac_extra)
+    )
+
+
+def _charge(junction: Capacitance, voltage_V: Array) -> Array:
+    return np.asarray(junction.charge_C(voltage_V))
+
+
+def lab_circuit(converter: Converter, heat: Heat, demand: Demand) -> Circuit:
+    """The solver's circuit for the lab's converter at its temperatures."""
+    outer, inner, clamp = converter.primary.outer, converter.primary.inner, converter.primary.clamp
+    low, n = converter.secondary.switch, converter.transformer.turns_ratio
+    ones = np.ones_like(demand.D1)
+    series = series_Ohm(converter, heat) + 2 * n**2 * channel_Ohm(low.on, heat.secondary_C)
+    channel = channel_Ohm(outer.on, heat.outer_C)
+    on_V, on_R = _drop(inner.on, heat.inner_C)
+    back_V, back_R = _drop(inner.reverse, heat.inner_C)
+    diode_V, diode_R = _drop(clamp.on, heat.clamp_C)
+    half = 0.5 * demand.V1_V
+    primary_C = sum(_charge(d.capacitance, half) for d in (outer, inner, clamp))
+    secondary_C = 2 * _charge(low.capacitance, demand.V2_V)
+    slow, fast = [inner.capacitance, clamp.capacitance], [outer.capacitance]
+    curve = swing_curve([low.capacitance], [low.capacitance], converter.V2_V)
+    curves = np.stack(
+        [
+            swing_curve(slow, fast, 0.5 * converter.V1_V),
+            swing_curve(fast, slow, 0.5 * converter.V1_V),
+            curve,
+            curve,
+        ]
+    )
+    return Circuit(
+        V1_V=demand.V1_V,
+        nV2_V=n * demand.V2_V,
+        turns_ratio=n * ones,
+        inductance_H=converter.inductor.inductance_H * ones,
+        magnetizing_H=converter.transformer.magnetizing_H * ones,
+        half_period_s=converter.half_period_s * ones,
+        dead_time_s=converter.dead_time_s * ones,
+        forward=np.stack([2 * on_V, 2 * (on_R + channel) + series]),
+        reverse=np.stack([2 * back_V, 2 * (back_R + channel) + series]),
+        zero=np.stack([2 * (on_V + diode_V), 2 * (on_R + diode_R) + series]),
+        charge_C=np.stack([primary_C, primary_C, secondary_C, secondary_C]),
+        curves=curves[:, None, :],
+        curve=np.zeros(demand.D1.size, dtype=np.intp),
+    )
+
+
+def lab_orbit(
+    converter: Converter, heat: Heat, demand: Demand, secondary_W: Array, warm: Regulated | None
+) -> tuple[Circuit, Regulated]:
+    """Regulate so that ``power_W`` arrives behind ``secondary_W`` of switching loss."""
+    circuit = lab_circuit(converter, heat, demand)
+    edges = hybrid_edges(-centre_offset(demand.D1, demand.D2), demand.D1, demand.D2)
+    edges[2:] += converter.secondary_delay_s / converter.half_period_s
+    return circuit, regulate(circuit, edges, demand.power_W + secondary_W, warm=warm, tolerance=1e-6)

@@ -1,0 +1,88 @@
+"""What an effect is: something a converter or a bench may have that the baseline does not model.
+
+An effect changes one stage only, by overriding that one method; every other method hands back what it got.
+Its OFF value leaves results bit-identical.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.operating_points import Points
+from sim.parameters import Converter, ParameterError
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectParameter:
+    """One parameter of an effect.
+
+    ``tolerance`` is the everyday spread (one sigma) that every bench has about ``off``; ``prior`` the scale
+    (one sigma) of the values that deserve the effect's name; ``lower`` and ``upper`` bound both.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    tolerance: float
+    prior: float
+    off: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """An entry of the catalogue: a name, parameters (headline first), one sentence, one check on the bench."""
+
+    name: str
+    stage: str
+    parameters: tuple[EffectParameter, ...]
+    says: str
+    check_on_bench: str
+    threshold: bool = False
+
+    @property
+    def headline(self) -> EffectParameter:
+        """The parameter that a single value means."""
+        return self.parameters[0]
+
+    def off_values(self) -> dict[str, float]:
+        """The values at which the effect does nothing."""
+        return {p.name: p.off for p in self.parameters}
+
+    def check(self, values: Values) -> None:
+        """Raise ``ParameterError`` for an unknown parameter or a value outside its bounds."""
+        known = {p.name: p for p in self.parameters}
+        for name, value in values.items():
+            if name not in known:
+                raise ParameterError(f"{self.name} has no parameter {name!r}; it has: {', '.join(known)}")
+            p = known[name]
+            if not (np.isfinite(value) and p.lower <= value <= p.upper):
+                raise ParameterError(
+                    f"{self.name}.{name} is {value:g} {p.unit}; allowed: {p.lower:g} to {p.upper:g} {p.unit}"
+                )
+
+    def value(self, values: Values, name: str | None = None) -> float:
+        """A parameter's value (the headline's by default), its OFF value where not given."""
+        p = self.headline if name is None else next(p for p in self.parameters if p.name == name)
+        return values.get(p.name, p.off)
+
+    def converter(self, converter: Converter, values: Values) -> Converter:
+        """The converter's parameters as they really are."""
+        return converter
+
+    def set_points(self, points: Points, values: Values) -> Points:
+        """The set points and surroundings as they really are."""
+        return points
+
+    def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
+        """A loss at the input that the circuit does not have, in W, (N,) or a float."""
+        return 0.0
+
+    def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
+        """What the instruments show of the truth."""
+        return truth

@@ -1,0 +1,167 @@
+"""Effects outside the converter: what is set, what surrounds, what the analyzer shows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.effects.base import Effect, EffectParameter, Values
+from sim.operating_points import Points
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DutyOffset(Effect):
+    """D1 as applied differs from D1 as set."""
+
+    def set_points(self, points: Points, values: Values) -> Points:
+        """D1 moved, kept in [0, 1]."""
+        offset = self.value(values)
+        return points if offset == 0.0 else replace(points, D1=np.clip(points.D1 + offset, 0.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AmbientDrift(Effect):
+    """The room warms while the campaign runs."""
+
+    def set_points(self, points: Points, values: Values) -> Points:
+        """Ambient raised in proportion to time."""
+        rate = self.value(values)
+        return (
+            points
+            if rate == 0.0
+            else replace(points, ambient_C=points.ambient_C + rate * points.time_s / 3600)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FanStep(Effect):
+    """A fan that switches on above a heatsink temperature."""
+
+    def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
+        """The fan's power where the heatsink is warmer than the threshold."""
+        hot = state["T_heatsink_C"] > self.value(values, "threshold_C")
+        return np.where(hot, self.value(values), 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WarmUpDrift(Effect):
+    """All losses rise slowly over the campaign."""
+
+    def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
+        """A share of the loss that grows with time up to its value at the last point."""
+        end_s = max(float(np.max(points.time_s)), 1e-9)
+        loss = state["P1_W"] - state["P2_W"]
+        return np.asarray(self.value(values) * loss * points.time_s / end_s)
+
+
+def _show_input(points: Points, truth: dict[str, Array], power_W: Array) -> dict[str, Array]:
+    return truth | {
+        "P1_W": power_W,
+        "I1_A": power_W / np.asarray(points.V1_V),
+        "efficiency": truth["P2_W"] / np.where(power_W > 0, power_W, np.nan),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnalyzerGain(Effect):
+    """Port 1 reads in another proportion than port 2."""
+
+    def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
+        """Input power scaled."""
+        gain = self.value(values)
+        return truth if gain == 0.0 else _show_input(points, truth, truth["P1_W"] * (1.0 + gain))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnalyzerOffset(Effect):
+    """Port 1's current has a zero offset."""
+
+    def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
+        """Input power shifted by V1 times the offset."""
+        offset = self.value(values)
+        return truth if offset == 0.0 else _show_input(points, truth, truth["P1_W"] + offset * points.V1_V)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnalyzerRangeStep(Effect):
+    """Port 1 reads in another proportion on its lower current range."""
+
+    def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
+        """Input power scaled where the current is below the boundary between the ranges."""
+        step = self.value(values)
+        if step == 0.0:
+            return truth
+        low = truth["I1_A"] < self.value(values, "boundary_A")
+        return _show_input(points, truth, truth["P1_W"] * np.where(low, 1.0 + step, 1.0))
+
+
+def _one(name: str, unit: str, tolerance: float, prior: float, lower: float, upper: float) -> EffectParameter:
+    return EffectParameter(name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper)
+
+
+BENCH_EFFECTS: tuple[Effect, ...] = (
+    FanStep(
+        name="fan_step",
+        stage="supply, wiring",
+        parameters=(
+            _one("power_W", "W", 0.0, 3.0, 0.0, 30.0),
+            EffectParameter(
+                name="threshold_C", unit="degC", tolerance=0.0, prior=5.0, lower=25.0, upper=90.0, off=40.0
+            ),
+        ),
+        says="a fan switches on above a heatsink temperature and is fed from the input",
+        check_on_bench="listen for the fan; read the input power in standby with the fan forced on",
+        threshold=True,
+    ),
+    WarmUpDrift(
+        name="warm_up_drift",
+        stage="thermal, time",
+        parameters=(_one("relative_loss_at_end", "1", 0.005, 0.1, -0.5, 1.0),),
+        says="losses rise over the campaign: something warms up more slowly than the settling waits for",
+        check_on_bench="repeat the first point at the end; wait longer before the first point",
+    ),
+    AmbientDrift(
+        name="ambient_drift",
+        stage="thermal, time",
+        parameters=(_one("rate_K_per_h", "K/h", 0.1, 3.0, -20.0, 20.0),),
+        says="the room's temperature drifts while the campaign runs",
+        check_on_bench="log the ambient temperature at the heatsink's air inlet",
+    ),
+    AnalyzerGain(
+        name="analyzer_gain",
+        stage="measurement, command",
+        parameters=(_one("relative_error", "1", 4e-4, 4e-3, -0.05, 0.05),),
+        says="the analyzer's two dc ports disagree in proportion: calibration, range or wiring",
+        check_on_bench="swap the two elements and measure the same point again",
+    ),
+    AnalyzerOffset(
+        name="analyzer_offset",
+        stage="measurement, command",
+        parameters=(_one("current_A", "A", 1.5e-3, 0.015, -0.2, 0.2),),
+        says="the analyzer's input current has a zero offset",
+        check_on_bench="zero the analyzer with the input open; read standby with the leads off",
+    ),
+    AnalyzerRangeStep(
+        name="analyzer_range_step",
+        stage="measurement, command",
+        parameters=(
+            _one("relative_step", "1", 0.0, 4e-3, -0.05, 0.05),
+            EffectParameter(
+                name="boundary_A", unit="A", tolerance=0.0, prior=1.0, lower=0.1, upper=20.0, off=5.0
+            ),
+        ),
+        says="the analyzer reads in another proportion on the lower of two current ranges",
+        check_on_bench="measure one point on both ranges; fix the range",
+        threshold=True,
+    ),
+    DutyOffset(
+        name="duty_offset",
+        stage="measurement, command",
+        parameters=(_one("offset", "1", 6e-4, 0.01, -0.05, 0.05),),
+        says="D1 at the gates differs from D1 as set: rounding, minimum pulse, dead-time compensation",
+        check_on_bench="measure the pulse width of S1 against its set point with an oscilloscope",
+    ),
+)

@@ -1,0 +1,240 @@
+"""Effects that only scale, add to or replace named parameters of the converter: a table."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sim.effects.base import Effect, EffectParameter, Values
+from sim.parameters import Converter
+from sim.prototype import prototype
+
+
+def _scaled(old: Any, value: float) -> Any:
+    return old * (1.0 + value)
+
+
+def _added(old: Any, value: float) -> Any:
+    return old + value
+
+
+def _replaced(old: Any, value: float) -> Any:
+    return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterEffect(Effect):
+    """Changes the parameters at ``paths`` (dotted) by ``change(old, value)``."""
+
+    paths: tuple[str, ...]
+    change: Callable[[Any, float], Any]
+
+    def converter(self, converter: Converter, values: Values) -> Converter:
+        """The converter with the named parameters changed; the very same object at the OFF value."""
+        value = self.value(values)
+        if value == self.headline.off:
+            return converter
+        for path in self.paths:
+            converter = _replace_at(converter, path.split("."), self.change, value)
+        return converter
+
+
+def _replace_at(owner: Any, path: list[str], change: Callable[[Any, float], Any], value: float) -> Any:
+    name, *rest = path
+    old = getattr(owner, name)
+    new = _replace_at(old, rest, change, value) if rest else change(old, value)
+    return replace(owner, **{name: new})
+
+
+def _parameter(
+    name: str, unit: str, tolerance: float, prior: float, bounds: tuple[float, float], off: float = 0.0
+) -> tuple[EffectParameter]:
+    lower, upper = bounds
+    return (
+        EffectParameter(
+            name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper, off=off
+        ),
+    )
+
+
+def _relative(
+    tolerance: float, prior: float, bounds: tuple[float, float] = (-0.6, 2.0)
+) -> tuple[EffectParameter]:
+    return _parameter("relative_error", "1", tolerance, prior, bounds)
+
+
+_SIC = ("primary.outer", "secondary.switch")
+_Lm = prototype().transformer.magnetizing_H
+
+SCALINGS: tuple[Effect, ...] = (
+    ParameterEffect(
+        name="link_resistance",
+        stage="circuit",
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (-0.005, 0.5)),
+        paths=("link_resistance_Ohm",),
+        change=_added,
+        says="the ac link has more series resistance than modelled: winding, circuit board or connectors",
+        check_on_bench="measure the ac link with four wires, warm, terminal to terminal",
+    ),
+    ParameterEffect(
+        name="skin_effect",
+        stage="circuit",
+        parameters=_parameter("extra_at_fs", "1", 0.04, 0.5, (-0.1, 5.0)),
+        paths=("inductor.winding.ac_extra", "transformer.winding.ac_extra"),
+        change=_added,
+        says="the windings' resistance at the switching frequency is higher than modelled: skin and proximity effect",
+        check_on_bench="measure inductor and transformer with an impedance analyzer from dc to ten times the switching frequency",
+    ),
+    ParameterEffect(
+        name="leakage_inductance",
+        stage="circuit",
+        parameters=_relative(0.01, 0.08, (-0.3, 0.3)),
+        paths=("inductor.inductance_H",),
+        change=_scaled,
+        says="the link inductance differs from its nominal value",
+        check_on_bench="measure the series inductance with the transformer in place, secondary shorted, at the switching frequency",
+    ),
+    ParameterEffect(
+        name="magnetizing_inductance",
+        stage="circuit",
+        parameters=_parameter("inductance_H", "H", 0.1 * _Lm, 6e-3, (1e-3, 60e-3), off=_Lm),
+        paths=("transformer.magnetizing_H",),
+        change=_replaced,
+        says="the magnetizing inductance differs: an air gap in the transformer's core, or another grade",
+        check_on_bench="measure the transformer's open-circuit inductance at working flux",
+    ),
+    ParameterEffect(
+        name="dead_time",
+        stage="circuit",
+        parameters=_parameter("error_s", "s", 8e-9, 80e-9, (-300e-9, 600e-9)),
+        paths=("dead_time_s",),
+        change=_added,
+        says="the dead time at the gates differs from its set value",
+        check_on_bench="measure both gate signals of one leg at the switches with an oscilloscope",
+    ),
+    ParameterEffect(
+        name="gate_delay_skew",
+        stage="circuit",
+        parameters=_parameter("skew_s", "s", 8e-9, 60e-9, (-400e-9, 400e-9)),
+        paths=("secondary_delay_s",),
+        change=_added,
+        says="the secondary's gates come later than the primary's by more than modelled: driver or isolator delay",
+        check_on_bench="measure the gates of S1 and Q1 against their commands with an oscilloscope",
+    ),
+    ParameterEffect(
+        name="igbt_saturation_voltage",
+        stage="semiconductors",
+        parameters=_parameter("voltage_V", "V", 0.03, 0.3, (-0.5, 2.0)),
+        paths=("primary.inner.on.threshold_V",),
+        change=_added,
+        says="the inner switches drop more than the datasheet's typical value: gate voltage, batch or ageing",
+        check_on_bench="measure the saturation voltage at load with a clamp probe, and the gate voltage",
+    ),
+    ParameterEffect(
+        name="sic_on_resistance",
+        stage="semiconductors",
+        parameters=_relative(0.04, 0.4),
+        paths=tuple(f"{s}.on.resistance_Ohm" for s in _SIC),
+        change=_scaled,
+        says="the SiC switches' on-resistance is higher than the datasheet's typical value",
+        check_on_bench="measure drain-source voltage at dc load current with the gate on, at working temperature",
+    ),
+    ParameterEffect(
+        name="clamp_diode_drop",
+        stage="semiconductors",
+        parameters=_relative(0.03, 0.4),
+        paths=("primary.clamp.on.threshold_V", "primary.clamp.on.resistance_Ohm"),
+        change=_scaled,
+        says="the clamp diodes drop more than the datasheet's typical value",
+        check_on_bench="measure the clamp diodes' forward voltage at load current and working temperature",
+    ),
+    ParameterEffect(
+        name="turn_off_energy_primary",
+        stage="semiconductors",
+        parameters=_relative(0.08, 0.7),
+        paths=("primary.outer.turn_off.energy_J", "primary.inner.turn_off.energy_J"),
+        change=_scaled,
+        says="the primary switches lose more at turn-off than the datasheet scales to: gate resistor, stray inductance, tail current",
+        check_on_bench="double-pulse test of the primary leg at half the dc link, or change the gate resistor and re-measure",
+    ),
+    ParameterEffect(
+        name="turn_off_energy_secondary",
+        stage="semiconductors",
+        parameters=_relative(0.08, 2.0, (-0.6, 20.0)),
+        paths=("secondary.switch.turn_off.energy_J",),
+        change=_scaled,
+        says="the secondary switches lose more at turn-off than the datasheet scales to: gate resistor, stray inductance",
+        check_on_bench="double-pulse test of the secondary leg, or change the gate resistor and re-measure",
+    ),
+    ParameterEffect(
+        name="output_capacitance",
+        stage="semiconductors",
+        parameters=_relative(0.06, 0.7),
+        paths=tuple(f"{s}.capacitance.zero_bias_F" for s in _SIC),
+        change=_scaled,
+        says="the SiC switches' nodes have more capacitance than modelled: device, snubber or board",
+        check_on_bench="time the node's voltage slope in the dead time at a known current",
+    ),
+    ParameterEffect(
+        name="reverse_recovery",
+        stage="semiconductors",
+        parameters=_relative(0.15, 1.5, (-0.8, 15.0)),
+        paths=tuple(f"{d}.recovery.charge_C" for d in ("primary.clamp", "primary.outer", "secondary.switch")),
+        change=_scaled,
+        says="diodes lose more at hard commutation than modelled: recovery charge",
+        check_on_bench="look at the turn-on current's overshoot at a hard edge, cold and warm",
+    ),
+    ParameterEffect(
+        name="core_loss_transformer",
+        stage="magnetics",
+        parameters=_relative(0.07, 0.6),
+        paths=("transformer.core.k",),
+        change=_scaled,
+        says="the transformer's core loses more than its material data say: grade, gap, dc bias or temperature",
+        check_on_bench="measure no-load power at rated voltage, and the core's temperature",
+    ),
+    ParameterEffect(
+        name="core_loss_inductor",
+        stage="magnetics",
+        parameters=_relative(0.07, 1.0, (-0.6, 6.0)),
+        paths=("inductor.core.k",),
+        change=_scaled,
+        says="the inductor's core loses more than its material data say: fringing at the gap, grade, dc bias",
+        check_on_bench="compare the inductor's temperature at equal rms current and different ripple",
+    ),
+    ParameterEffect(
+        name="auxiliary_power",
+        stage="supply, wiring",
+        parameters=_parameter("power_W", "W", 0.1, 3.0, (-1.0, 50.0)),
+        paths=("auxiliary_power_W",),
+        change=_added,
+        says="something draws constant power from the input: control, gate drivers, fan",
+        check_on_bench="read the input power in standby, with the analyzer's zero checked",
+    ),
+    ParameterEffect(
+        name="cable_resistance_input",
+        stage="supply, wiring",
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (-0.005, 1.0)),
+        paths=("input_cable_Ohm",),
+        change=_added,
+        says="resistance between the analyzer's input terminals and the dc link: cable, fuse, contactor",
+        check_on_bench="measure the voltage from the analyzer's terminals to the dc link at full current",
+    ),
+    ParameterEffect(
+        name="cable_resistance_output",
+        stage="supply, wiring",
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (-0.002, 0.3)),
+        paths=("output_cable_Ohm",),
+        change=_added,
+        says="resistance between the output capacitors and the analyzer's output terminals: cable, shunt, contactor",
+        check_on_bench="measure the voltage from the output capacitors to the analyzer's terminals at full current",
+    ),
+    ParameterEffect(
+        name="thermal_resistance",
+        stage="thermal, time",
+        parameters=_relative(0.06, 0.6),
+        paths=("heatsink_K_per_W",),
+        change=_scaled,
+        says="the heatsink runs hotter for its loss than modelled: fan, dust, mounting",
+        check_on_bench="compare the heatsink's temperature with its loss at steady state; look at the fan",
+    ),
+)

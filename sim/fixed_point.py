@@ -1,0 +1,198 @@
+"""Regulation, losses and temperatures brought to their common fixed point."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.circuit import Temperatures, build_circuit
+from sim.losses import conduction_losses, switching_losses
+from sim.magnetics import LinkCurrent, link_current, magnetic_losses
+from sim.modulation import centre_offset, hybrid_edges
+from sim.operating_points import Points
+from sim.parameters import Converter
+from sim.regulation import Regulated, regulate
+from sim.stacking import pick
+from sim.thermal import temperatures
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 25
+_COARSE_ROUNDS = 2
+_POWER = 2e-7  # of the output power, relative with 10 W as the least scale: inside the promised 1e-6
+_COARSE = 1e-4  # enough while temperatures still move
+_KELVIN = 1e-4  # moves a loss of 10 W by 4 uW
+_LEAST_W = 10.0
+
+AT_INPUT = (
+    "primary_outer_conduction", "primary_inner_conduction", "primary_clamp_conduction",
+    "primary_outer_switching", "primary_inner_switching", "primary_clamp_recovery",
+)  # fmt: skip
+IN_LINK = ("inductor_copper", "inductor_core", "transformer_copper", "transformer_core", "link_resistance")
+AT_OUTPUT = ("secondary_conduction", "secondary_switching")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Balance:
+    """Powers in W along the chain and the losses between them, each (N,)."""
+
+    P1_W: Array
+    I1_A: Array
+    P_link1_W: Array
+    P_link2_W: Array
+    P2_W: Array
+    losses: dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatingState:
+    """The converged state of N points that run."""
+
+    temperatures: Temperatures
+    regulated: Regulated
+    current: LinkCurrent
+    balance: Balance
+
+
+def _input_current(power_W: Array, V1_V: Array, resistance_Ohm: Array | float) -> Array:
+    """I1 from V1 I1 = P + R I1^2, the smaller root, in a form that stands R = 0."""
+    return 2 * power_W / (V1_V + np.sqrt(np.maximum(V1_V**2 - 4 * resistance_Ohm * power_W, 0.0)))
+
+
+def _balance(converter: Converter, points: Points, regulated: Regulated, losses: dict[str, Array]) -> Balance:
+    """Walk from the ideal secondary bridge to both terminals."""
+    at_bridge = regulated.orbit.output_power_W()
+    cable = converter.output_cable_Ohm * (points.power_W / points.V2_V) ** 2
+    P2 = at_bridge - losses["secondary_switching"] - cable
+    link2 = at_bridge + losses["secondary_conduction"]
+    link1 = link2 + sum(losses[name] for name in IN_LINK)
+    into = link1 + sum(losses[name] for name in AT_INPUT) + converter.auxiliary_power_W
+    I1 = _input_current(into, np.asarray(points.V1_V), converter.input_cable_Ohm)
+    input_cable = converter.input_cable_Ohm * I1**2
+    whole = losses | {
+        "auxiliary": np.broadcast_to(converter.auxiliary_power_W, P2.shape) + 0.0,
+        "input_cable": input_cable + np.zeros_like(P2),
+        "output_cable": cable + np.zeros_like(P2),
+    }
+    return Balance(P1_W=into + input_cable, I1_A=I1, P_link1_W=link1, P_link2_W=link2, P2_W=P2, losses=whole)
+
+
+def _furthest(a: Temperatures, b: Temperatures) -> Array:
+    return np.max([np.abs(getattr(a, f.name) - getattr(b, f.name)) for f in fields(a)], axis=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Station:
+    """A set of points with what their next round starts from; arrays (N,)."""
+
+    converter: Converter
+    points: Points
+    edges: Array
+    temperatures: Temperatures
+    target_W: Array
+    I1_A: Array
+    warm: Regulated | None
+
+    def take(self, chosen: NDArray[np.intp]) -> "_Station":
+        """Some of the points."""
+        return _Station(
+            converter=pick(self.converter, chosen),
+            points=self.points.take(chosen),
+            edges=self.edges[:, chosen],
+            temperatures=pick(self.temperatures, chosen),
+            target_W=self.target_W[chosen],
+            I1_A=self.I1_A[chosen],
+            warm=None if self.warm is None else self.warm.take(chosen),
+        )
+
+    def solve(self, tolerance: float) -> OperatingState:
+        """Regulate at the present temperatures and account for the losses there."""
+        V1 = self.points.V1_V - self.converter.input_cable_Ohm * self.I1_A
+        V2, t = np.asarray(self.points.V2_V), self.temperatures
+        circuit = build_circuit(self.converter, t, V1, V2)
+        regulated = regulate(circuit, self.edges, self.target_W, warm=self.warm, tolerance=tolerance)
+        pieces = regulated.orbit.pieces
+        current = link_current(pieces, self.converter.frequency_Hz)
+        losses = (
+            conduction_losses(self.converter, t, pieces, V1)
+            | switching_losses(self.converter, t, regulated.orbit, V1, V2)
+            | magnetic_losses(self.converter, t, pieces, current)
+        )
+        balance = _balance(self.converter, self.points, regulated, losses)
+        return OperatingState(temperatures=t, regulated=regulated, current=current, balance=balance)
+
+    def onward(self, state: OperatingState) -> "_Station":
+        """Where the next round starts."""
+        losses = state.balance.losses
+        return replace(
+            self,
+            temperatures=temperatures(self.converter, losses, np.asarray(self.points.ambient_C)),
+            target_W=_delivered_W(self.converter, self.points) + losses["secondary_switching"],
+            I1_A=state.balance.I1_A,
+            warm=state.regulated,
+        )
+
+
+def _delivered_W(converter: Converter, points: Points) -> Array:
+    """Power at the output capacitors: demanded, and lost in the output cable."""
+    demanded = np.asarray(points.power_W)
+    return np.asarray(demanded + converter.output_cable_Ohm * (demanded / points.V2_V) ** 2)
+
+
+def _start(converter: Converter, points: Points) -> _Station:
+    D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
+    late = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
+    delivered = _delivered_W(converter, points)
+    return _Station(
+        converter=converter,
+        points=points,
+        edges=hybrid_edges(-centre_offset(D1, D2), D1, D2)
+        + late * converter.secondary_delay_s / converter.half_period_s,
+        temperatures=Temperatures.everywhere(np.asarray(points.ambient_C)),
+        target_W=delivered * 1.003,
+        I1_A=delivered / points.V1_V,
+        warm=None,
+    )
+
+
+def operate(converter: Converter, points: Points) -> OperatingState:
+    """Bring N points (all of them with the bridges on) to their steady state.
+
+    Points leave the rounds when their temperatures and power have settled, or when their power cannot be
+    reached; one last solution then states all. ``regulated.reached`` tells which points carry their power.
+    """
+    station = _start(converter, points)
+    busy = np.arange(len(points))
+    for turn in range(_ROUNDS):
+        part = station.take(busy)
+        state = part.solve(_COARSE if turn < _COARSE_ROUNDS else _POWER / 2)
+        ahead = part.onward(state)
+        demanded = np.asarray(part.points.power_W)
+        missed = np.abs(state.balance.P2_W - demanded) / np.maximum(demanded, _LEAST_W)
+        settled = (_furthest(ahead.temperatures, part.temperatures) < _KELVIN) & (missed < _POWER)
+        _put(station, busy, ahead)
+        station = replace(station, warm=_joined(station.warm, busy, state.regulated))
+        busy = busy[~settled & state.regulated.reached]
+        if not busy.size:
+            break
+    return station.solve(_POWER)
+
+
+def _put(station: _Station, rows: NDArray[np.intp], part: _Station) -> None:
+    """Write a part's temperatures, targets and currents back."""
+    for f in fields(Temperatures):
+        getattr(station.temperatures, f.name)[rows] = getattr(part.temperatures, f.name)
+    station.target_W[rows] = part.target_W
+    station.I1_A[rows] = part.I1_A
+
+
+def _joined(whole: Regulated | None, rows: NDArray[np.intp], part: Regulated) -> Regulated:
+    """A warm start for all, in which some rows are renewed."""
+    if whole is None:
+        return part
+    whole.phase[rows] = part.phase
+    whole.most_W[rows] = part.most_W
+    whole.reached[rows] = part.reached
+    whole.orbit.start_A[rows] = part.orbit.start_A
+    whole.orbit.delay[:, rows] = part.orbit.delay
+    return whole

@@ -1,0 +1,70 @@
+"""A simulation model: a baseline converter and effects with their values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.effects.catalogue import effect
+from sim.operating_points import Points
+from sim.parameters import Converter
+from sim.prototype import prototype
+
+Array = NDArray[np.float64]
+Values = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Model:
+    """Baseline plus effects, ``{effect: {parameter: value}}``; an effect that is left out is off."""
+
+    converter: Converter
+    effects: Mapping[str, Values] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, values in self.effects.items():
+            effect(name).check(values)
+
+    @classmethod
+    def baseline(cls) -> Self:
+        """The prototype with nothing added."""
+        return cls(converter=prototype())
+
+    def with_effect(self, name: str, **values: float) -> Self:
+        """This model with one more effect, or with other values of it; the headline may be left unnamed."""
+        return type(self)(converter=self.converter, effects={**self.effects, name: dict(values)})
+
+    def altered_converter(self) -> Converter:
+        """The converter as the effects leave it."""
+        converter = self.converter
+        for name, values in self.effects.items():
+            converter = effect(name).converter(converter, values)
+        return converter
+
+    def set_points(self, points: Points) -> Points:
+        """The points as they are really applied."""
+        for name, values in self.effects.items():
+            points = effect(name).set_points(points, values)
+        return points
+
+    def added_loss_W(self, points: Points, state: Mapping[str, Array]) -> Array:
+        """Losses at the input that effects add to what the circuit has, (N,)."""
+        total = np.zeros(len(points))
+        for name, values in self.effects.items():
+            total = total + effect(name).added_loss_W(points, state, values)
+        return total
+
+    def observe(self, points: Points, truth: dict[str, Array]) -> dict[str, Array]:
+        """What the instruments show of the truth."""
+        for name, values in self.effects.items():
+            truth = effect(name).observe(points, truth, values)
+        return truth
+
+    def as_plain(self) -> dict[str, Any]:
+        """Plain data: the converter's name and the effects with their values."""
+        return {
+            "converter": self.converter.name,
+            "effects": {name: dict(values) for name, values in self.effects.items()},
+        }

@@ -1,0 +1,169 @@
+"""``simulate(model, points)``: the one entry that others need.
+
+For each point the phase is solved for the demanded power, losses and temperatures are brought to their
+fixed point, and the chain of powers follows, each loss at its node::
+
+    P1 - [cable, auxiliary, primary bridge] - P_link1 - [inductor, transformer] - P_link2
+       - [secondary bridge, cable] - P2
+
+A loss behind P_link2 moves D0; one before it does not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, operate
+from sim.model import Model
+from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse
+from sim.operating_points import Points, grid
+from sim.parameters import Converter
+from sim.piecewise import power_share
+from sim.stacking import pick, stack
+
+__all__ = ["PARTS", "Points", "Result", "grid", "simulate", "simulate_many"]
+
+Array = NDArray[np.float64]
+
+PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
+_ZVS = 0.01  # a swing that misses less than this counts as zero-voltage switching
+_COLUMNS = (
+    "D0", "P1_W", "I1_A", "P2_W", "efficiency", "I_L_rms_A", "I_L_pp_A", "P_link1_W", "P_link2_W",
+    "T_heatsink_C", "T_transformer_C", "T_inductor_C",
+    *(f"loss_{part}_W" for part in PARTS), *(f"zvs_{edge}" for edge in EDGES),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What the model says of N points: flags, reasons, and columns of shape (N,), NaN where infeasible.
+
+    In standby (``pwm`` false) the input takes the auxiliary power, and the bridge's columns are NaN.
+    """
+
+    points: Points
+    feasible: NDArray[np.bool_]
+    reason: NDArray[np.str_]
+    values: dict[str, Array]
+
+    def __getitem__(self, column: str) -> Array:
+        return self.values[column]
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The simulation table: inputs, ``feasible``, then every result column."""
+        p = self.points
+        inputs: dict[str, NDArray[np.generic]] = {
+            "D1": np.asarray(p.D1), "D2": np.asarray(p.D2), "P_set_W": np.asarray(p.power_W),
+        }  # fmt: skip
+        return inputs | {"feasible": self.feasible, "reason": self.reason} | dict(self.values)
+
+
+def simulate(model: Model, points: Points) -> Result:
+    """Simulate a model at N points; ``feasible`` tells which can be run, the others carry a reason and NaN."""
+    return simulate_many([model], points)[0]
+
+
+def simulate_many(models: Sequence[Model], points: Points) -> list[Result]:
+    """Several variants of one converter at the same points, in one vectorised call."""
+    moved = [model.set_points(points) for model in models]
+    size = len(points)
+    converter = stack([model.altered_converter() for model in models], size)
+    reason, truth = _solve(converter, Points.join(moved))
+    results = []
+    for k, (model, at) in enumerate(zip(models, moved, strict=True)):
+        rows = slice(k * size, (k + 1) * size)
+        shown = _with_added_loss(model, at, {name: value[rows] for name, value in truth.items()})
+        results.append(
+            Result(
+                points=points,
+                feasible=reason[rows] == "",
+                reason=reason[rows],
+                values=model.observe(at, shown),
+            )
+        )
+    return results
+
+
+def _with_added_loss(model: Model, points: Points, truth: dict[str, Array]) -> dict[str, Array]:
+    added = model.added_loss_W(points, truth)
+    P1 = truth["P1_W"] + added
+    return truth | {
+        "P1_W": P1,
+        "I1_A": P1 / np.asarray(points.V1_V),
+        "loss_added_W": truth["loss_added_W"] + added,
+        "efficiency": truth["P2_W"] / np.where(P1 > 0, P1, np.nan),
+    }
+
+
+def _ceiling_W(points: Points, converter: Converter) -> Array:
+    """More than a point can carry: the lossless peak with both pulses widened by two dead times."""
+    scale_W = (
+        points.V1_V * points.V2_V * converter.transformer.turns_ratio
+        * converter.half_period_s / converter.inductor.inductance_H
+    )  # fmt: skip
+    wider = 2 * converter.dead_time_s / converter.half_period_s
+    D1, D2 = np.minimum(points.D1 + wider, 1.0), np.maximum(points.D2 - wider, 0.0)
+    share, _ = power_share(hybrid_edges(0.5 - centre_offset(D1, D2), D1, D2))
+    return np.asarray(scale_W * share)
+
+
+def _solve(converter: Converter, points: Points) -> tuple[NDArray[np.str_], dict[str, Array]]:
+    """Reason of infeasibility ("" where feasible) and the true values of every column."""
+    size = len(points)
+    dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, (size,))
+    reason = infeasible_pulse(np.asarray(points.D1), np.asarray(points.D2), dead).astype("U96")
+    reason[(reason == "") & (points.power_W < 0)] = "power below 0 W: only forward transfer is simulated"
+    most = _ceiling_W(points, converter)
+    for k in np.flatnonzero((reason == "") & (points.power_W >= most)):
+        reason[k] = f"D1 and D2 carry less than {most[k]:.0f} W"
+    standby = ~np.asarray(points.pwm, dtype=bool)
+    reason[standby] = ""
+    values = {name: np.full(size, np.nan) for name in _COLUMNS}
+    run = np.flatnonzero((reason == "") & ~standby)
+    if run.size:
+        at = points.take(run)
+        state = operate(pick(converter, run), at)
+        for k in np.flatnonzero(~state.regulated.reached):
+            reason[run[k]] = _why_not(state, k)
+        kept = np.flatnonzero(state.regulated.reached)
+        for name, value in _columns(state, at).items():
+            values[name][run[kept]] = value[kept]
+    rest = np.flatnonzero(standby)
+    if rest.size:
+        idle = np.broadcast_to(converter.auxiliary_power_W, (size,))[rest]
+        values["P1_W"][rest], values["loss_auxiliary_W"][rest] = idle, idle
+        values["P2_W"][rest], values["loss_added_W"][rest] = 0.0, 0.0
+        values["I1_A"][rest] = idle / points.V1_V[rest]  # type: ignore[index]
+        values["T_heatsink_C"][rest] = points.ambient_C[rest]  # type: ignore[index]
+    return reason, values
+
+
+def _why_not(state: OperatingState, k: int) -> str:
+    most = state.regulated.most_W[k]
+    if np.isfinite(most):
+        return f"D1 and D2 carry at most {most:.0f} W into the secondary bridge"
+    return "no steady state found"
+
+
+def _columns(state: OperatingState, points: Points) -> dict[str, Array]:
+    balance, t, missing = state.balance, state.temperatures, state.regulated.orbit.commutation.missing
+    columns = {
+        "D0": state.regulated.phase - centre_offset(np.asarray(points.D1), np.asarray(points.D2)),
+        "P1_W": balance.P1_W,
+        "I1_A": balance.I1_A,
+        "P2_W": balance.P2_W,
+        "efficiency": balance.P2_W / balance.P1_W,
+        "I_L_rms_A": np.sqrt(state.current.square_A2),
+        "I_L_pp_A": state.current.peak_to_peak_A,
+        "P_link1_W": balance.P_link1_W,
+        "P_link2_W": balance.P_link2_W,
+        "T_heatsink_C": t.heatsink_C,
+        "T_transformer_C": t.transformer_C,
+        "T_inductor_C": t.inductor_C,
+        "loss_added_W": np.zeros(len(points)),
+    }
+    columns |= {f"loss_{part}_W": loss for part, loss in balance.losses.items()}
+    columns |= {f"zvs_{edge}": (missing[k] < _ZVS).astype(float) for k, edge in enumerate(EDGES)}
+    return {name: np.asarray(value) for name, value in columns.items()}

@@ -1,0 +1,76 @@
+"""How far every part of a converter is off on any ordinary day: one sigma of each parameter.
+
+Device parameters take theirs from the data files; the rest is listed here. A diagnosis that does not know
+of these spreads calls every one of them a fault.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sim.datasheet import datasheet
+from sim.parameters import Converter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """One sigma of the parameter at a dotted path: relative to its value, or in its own unit."""
+
+    path: str
+    sigma: float
+    relative: bool = True
+
+    def shifted(self, converter: Converter, sigmas: float) -> Converter:
+        """The converter with this parameter off by so many sigmas."""
+        return _shift(converter, self.path.split("."), self, sigmas)  # type: ignore[no-any-return]
+
+
+def _shift(owner: Any, path: list[str], spread: Spread, sigmas: float) -> Any:
+    name, *rest = path
+    old = getattr(owner, name)
+    if rest:
+        return replace(owner, **{name: _shift(old, rest, spread, sigmas)})
+    step = sigmas * spread.sigma
+    return replace(owner, **{name: old * (1 + step) if spread.relative else old + step})
+
+
+# Assumption: everyday spreads of wound parts, wiring, timing and cooling.
+_REST = (
+    Spread(path="inductor.inductance_H", sigma=0.01),
+    Spread(path="inductor.winding.resistance_Ohm", sigma=0.03),
+    Spread(path="inductor.winding.ac_extra", sigma=0.2),
+    Spread(path="inductor.core.k", sigma=0.07),
+    Spread(path="inductor.thermal_K_per_W", sigma=0.05),
+    Spread(path="transformer.magnetizing_H", sigma=0.1),
+    Spread(path="transformer.winding.resistance_Ohm", sigma=0.03),
+    Spread(path="transformer.winding.ac_extra", sigma=0.2),
+    Spread(path="transformer.core.k", sigma=0.07),
+    Spread(path="transformer.thermal_K_per_W", sigma=0.05),
+    Spread(path="link_resistance_Ohm", sigma=0.002, relative=False),
+    Spread(path="dead_time_s", sigma=8e-9, relative=False),
+    Spread(path="secondary_delay_s", sigma=8e-9, relative=False),
+    Spread(path="auxiliary_power_W", sigma=0.05, relative=False),
+    Spread(path="input_cable_Ohm", sigma=0.002, relative=False),
+    Spread(path="output_cable_Ohm", sigma=0.0005, relative=False),
+    Spread(path="heatsink_K_per_W", sigma=0.06),
+)
+
+
+def everyday_spread(converter: Converter) -> tuple[Spread, ...]:
+    """The spreads of a converter's parameters, each independent of the others."""
+    primary, secondary = converter.primary, converter.secondary
+    parts = {
+        "primary.outer": primary.outer.part,
+        "primary.inner": primary.inner.part,
+        "primary.clamp": primary.clamp.part,
+        "secondary.switch": secondary.switch.part,
+    }
+    found = [spread for place, part in parts.items() for spread in _of_part(place, part)]
+    return (*found, *_REST)
+
+
+def _of_part(place: str, part: str) -> Iterator[Spread]:
+    for name, entry in datasheet(part).items():
+        path = f"{place}.{'thermal_K_per_W' if name == 'thermal.resistance_K_per_W' else name}"
+        if entry.tolerance > 0:
+            yield Spread(path=path, sigma=entry.tolerance)
