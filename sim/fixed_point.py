@@ -45,6 +45,25 @@ class Balance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WarmStart:
+    """What a solution leaves for a variant of its converter at the same points, arrays (N,)."""
+
+    temperatures: Temperatures
+    secondary_switching_W: Array
+    I1_A: Array
+    regulated: Regulated
+
+    def take(self, chosen: NDArray[np.intp]) -> "WarmStart":
+        """Some of the points, in arrays of their own."""
+        return WarmStart(
+            temperatures=pick(self.temperatures, chosen),
+            secondary_switching_W=self.secondary_switching_W[chosen],
+            I1_A=self.I1_A[chosen],
+            regulated=self.regulated.take(chosen),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OperatingState:
     """The converged state of N points that run."""
 
@@ -52,6 +71,20 @@ class OperatingState:
     regulated: Regulated
     current: LinkCurrent
     balance: Balance
+
+    def start(self) -> WarmStart:
+        """What a variant may start from."""
+        return WarmStart(
+            temperatures=self.temperatures,
+            secondary_switching_W=self.balance.losses["secondary_switching"],
+            I1_A=self.balance.I1_A,
+            regulated=self.regulated,
+        )
+
+    def comfortable(self, margin: float) -> NDArray[np.bool_]:
+        """Points that run, with more power to spare than ``margin`` (relative) on the rising branch."""
+        spare = np.nan_to_num(self.regulated.most_W, nan=np.inf) > (1 + margin) * self.balance.P2_W
+        return np.asarray(self.regulated.reached & spare & (self.regulated.limit >= 0.5))
 
 
 def _input_current(power_W: Array, V1_V: Array, resistance_Ohm: Array | float) -> Array:
@@ -78,7 +111,8 @@ def _balance(converter: Converter, points: Points, regulated: Regulated, losses:
 
 
 def _furthest(a: Temperatures, b: Temperatures) -> Array:
-    return np.max([np.abs(getattr(a, f.name) - getattr(b, f.name)) for f in fields(a)], axis=0)
+    gaps = [np.abs(getattr(a, f.name) - getattr(b, f.name)) for f in fields(a)]
+    return np.asarray(np.max(gaps, axis=0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +142,7 @@ class _Station:
     def solve(self, tolerance: float) -> OperatingState:
         """Regulate at the present temperatures and account for the losses there."""
         V1 = self.points.V1_V - self.converter.input_cable_Ohm * self.I1_A
-        V2, t = np.asarray(self.points.V2_V), self.temperatures
+        V2, t = _capacitor_V(self.converter, self.points), self.temperatures
         circuit = build_circuit(self.converter, t, V1, V2)
         regulated = regulate(circuit, self.edges, self.target_W, warm=self.warm, tolerance=tolerance)
         pieces = regulated.orbit.pieces
@@ -139,7 +173,12 @@ def _delivered_W(converter: Converter, points: Points) -> Array:
     return np.asarray(demanded + converter.output_cable_Ohm * (demanded / points.V2_V) ** 2)
 
 
-def _start(converter: Converter, points: Points) -> _Station:
+def _capacitor_V(converter: Converter, points: Points) -> Array:
+    """Voltage at the output capacitors: that of the terminals, and what the output cable drops."""
+    return np.asarray(points.V2_V + converter.output_cable_Ohm * points.power_W / points.V2_V)
+
+
+def _start(converter: Converter, points: Points, warm: WarmStart | None) -> _Station:
     D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
     late = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
     delivered = _delivered_W(converter, points)
@@ -148,20 +187,24 @@ def _start(converter: Converter, points: Points) -> _Station:
         points=points,
         edges=hybrid_edges(-centre_offset(D1, D2), D1, D2)
         + late * converter.secondary_delay_s / converter.half_period_s,
-        temperatures=Temperatures.everywhere(np.asarray(points.ambient_C)),
-        target_W=delivered * 1.003,
-        I1_A=delivered / points.V1_V,
-        warm=None,
+        temperatures=Temperatures.everywhere(np.asarray(points.ambient_C))
+        if warm is None
+        else warm.temperatures,
+        target_W=delivered * 1.003 if warm is None else delivered + warm.secondary_switching_W,
+        I1_A=delivered / points.V1_V if warm is None else warm.I1_A,
+        warm=None if warm is None else warm.regulated,
     )
 
 
-def operate(converter: Converter, points: Points) -> OperatingState:
+def operate(converter: Converter, points: Points, warm: WarmStart | None = None) -> OperatingState:
     """Bring N points (all of them with the bridges on) to their steady state.
+
+    ``warm`` is a start that this call may write to, from a converter so near that all its points run here too.
 
     Points leave the rounds when their temperatures and power have settled, or when their power cannot be
     reached; one last solution then states all. ``regulated.reached`` tells which points carry their power.
     """
-    station = _start(converter, points)
+    station = _start(converter, points, warm)
     busy = np.arange(len(points))
     for turn in range(_ROUNDS):
         part = station.take(busy)

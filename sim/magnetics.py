@@ -1,8 +1,9 @@
 r"""Copper and core losses of inductor and transformer, from the true current and flux.
 
 Copper: the resistance of harmonic k is R_dc (1 + c k^2) with c the extra at the switching frequency, so
-by Parseval :math:`\sum_k R_k I_k^2 = R_{dc} (I_{rms}^2 + c \langle \dot\imath^2 \rangle / \omega_s^2)`: no Fourier
-series is needed.
+by Parseval no Fourier series is needed:
+
+.. math:: \sum_k R_k I_k^2 = R_{dc} (I_{rms}^2 + c \, \langle \dot\imath^2 \rangle / \omega_s^2)
 
 Core: improved generalised Steinmetz equation (Venkatachalam, Sullivan, Abdallah and Tacca, 2002, eq. 7)
 
@@ -33,7 +34,7 @@ def steinmetz_rate(core: Core) -> Quantity:
     0.4875
     """
     cosine = 2.0 * np.sqrt(np.pi) * gamma((core.alpha + 1) / 2) / gamma(core.alpha / 2 + 1)
-    return core.k / ((2 * np.pi) ** (core.alpha - 1) * cosine * 2.0 ** (core.beta - core.alpha))
+    return core.k / float((2 * np.pi) ** (core.alpha - 1) * cosine * 2.0 ** (core.beta - core.alpha))
 
 
 def core_loss_W(core: Core, flux_swing_Vs: Array, rate_power: Array) -> Array:

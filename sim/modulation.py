@@ -41,7 +41,7 @@ def paper_D0(D0: Array, D1: Array) -> Array:
 
 
 def infeasible_pulse(D1: Array, D2: Array, dead_time: Array | float) -> NDArray[np.str_]:
-    """Why a pulse or zero state cannot be made, or "" where it can; ``dead_time`` in units of Th, shape (N,)."""
+    """Why a pulse or zero state cannot be made, "" where it can, shape (N,); ``dead_time`` in units of Th."""
     zero1, pulse2 = 1.0 - D1, 1.0 - D2
     rules = [
         ((D1 < 0) | (D1 > 1), "D1 outside [0, 1]"),

@@ -18,7 +18,9 @@ class ParameterError(ValueError):
     """A parameter outside what is physically possible; names the field, the value and the range."""
 
 
-def _check(owner: object, allowed: str, holds: Callable[[NDArray[np.float64]], object], *names: str) -> None:
+def _check(
+    owner: object, allowed: str, holds: Callable[[NDArray[np.float64]], NDArray[np.bool_]], *names: str
+) -> None:
     for name in names:
         value = np.asarray(getattr(owner, name), dtype=float)
         if not (np.all(np.isfinite(value)) and np.all(holds(value))):
@@ -35,7 +37,7 @@ def _not_negative(owner: object, *names: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conduction:
-    """A drop ``threshold + resistance * i`` whose parts move with junction temperature (relative, per kelvin)."""
+    """A drop ``threshold + resistance * i``; both parts move with junction temperature (relative, per K)."""
 
     threshold_V: Quantity
     resistance_Ohm: Quantity
@@ -48,8 +50,11 @@ class Conduction:
     def at(self, junction_C: Quantity) -> tuple[Quantity, Quantity]:
         """Threshold in V and resistance in Ohm at a junction temperature.
 
-        >>> Conduction(threshold_V=0.0, resistance_Ohm=0.027, resistance_per_K=0.0036).at(125.0)
-        (0.0, 0.03672)
+        >>> threshold_V, resistance_Ohm = Conduction(
+        ...     threshold_V=0.8, resistance_Ohm=0.027, threshold_per_K=-0.001, resistance_per_K=0.0036
+        ... ).at(125.0)
+        >>> round(threshold_V, 3), round(resistance_Ohm, 5)
+        (0.72, 0.03672)
         """
         rise = junction_C - REFERENCE_C
         return (
@@ -86,7 +91,7 @@ class SwitchingEnergy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovery:
-    """Reverse-recovery charge, ``Q sqrt(i/I) (1 + k (T - 25))``. Assumption: the square root of the current."""
+    """Reverse-recovery charge, ``Q sqrt(i/I) (1 + k (T - 25))``. Assumption: it grows with sqrt(i)."""
 
     charge_C: Quantity
     reference_A: Quantity
@@ -104,7 +109,7 @@ class Recovery:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capacitance:
-    """A junction's capacitance ``C(v) = zero_bias / (1 + v/junction)^grading``, with its charge and energy."""
+    """A junction's capacitance ``C(v) = zero_bias / (1 + v/junction)^grading``, its charge and its energy."""
 
     zero_bias_F: Quantity
     junction_V: float
@@ -118,7 +123,7 @@ class Capacitance:
         """Charge from 0 to ``voltage_V`` (>= 0), in C.
 
         >>> round(Capacitance(zero_bias_F=4.24e-9, junction_V=1.0, grading=0.55).charge_C(140.0) * 1e9, 1)
-        78.0
+        77.9
         """
         v, m = self.junction_V, 1 - self.grading
         return self.zero_bias_F * v / m * ((1 + voltage_V / v) ** m - 1)
@@ -127,7 +132,7 @@ class Capacitance:
         """Energy stored at ``voltage_V`` (>= 0), in J.
 
         >>> round(Capacitance(zero_bias_F=4.24e-9, junction_V=1.0, grading=0.55).energy_J(140.0) * 1e6, 2)
-        3.33
+        3.74
         """
         v, m = self.junction_V, 1 - self.grading
         y = 1 + voltage_V / v
@@ -252,7 +257,11 @@ class Transformer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Converter:
-    """A dual-active-bridge converter with a three-level primary and a two-level secondary."""
+    """A dual-active-bridge converter with a three-level primary and a two-level secondary.
+
+    ``auxiliary_power_W`` is what gate drivers, fan and control take from the input while the bridges switch;
+    ``secondary_delay_s`` how much later the secondary's gates come than the primary's.
+    """
 
     name: str
     V1_V: float

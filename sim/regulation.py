@@ -1,5 +1,6 @@
 """The controller's job: the phase at which a demanded power arrives, on the rising branch."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,10 +12,13 @@ from sim.steady_state import Circuit, Orbit, periodic
 
 Array = NDArray[np.float64]
 
+_LEAST_W = 10.0  # scale of the tolerance for small powers
 _SHIFT = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
 _ROOT_STEPS = 40
-_PEAK_STEPS = 14  # golden section narrows the phase to 1e-3, the power near its peak to 1e-5
-_NEAR = 0.85  # of the lossless peak: losses and dead time move the real one by less
+_PEAK_SCAN = np.linspace(0.04, 0.52, 25)
+_PEAK_STEPS = 8  # golden section narrows the phase to 1e-3, the power near its peak to 1e-5
+_BISECT = 6  # every so many steps the bracket is halved, in case the secant creeps
+_NEAR = 0.5  # of the lossless peak: dead time and losses lower that of narrow pulses by a third
 _PEAK_ABOVE = 0.95  # the peak stands above the power at phase 1/2 by less than this leaves
 _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
@@ -71,10 +75,56 @@ def lossless_scale_W(circuit: Circuit) -> Array:
     return circuit.V1_V * circuit.nV2_V * circuit.half_period_s / circuit.inductance_H
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Search:
+    """A secant kept in a bracket, for N points at once; its arrays (N,) are worked on in place."""
+
+    goal_W: Array
+    ideal_slope_W: Callable[[Array, NDArray[np.intp]], Array]
+    limit: Array
+    most_W: Array
+    phase: Array
+    low: Array
+    high: Array
+    last_phase: Array
+    last_W: Array
+    reached: NDArray[np.bool_]
+    short: NDArray[np.bool_]
+
+    def busy(self) -> NDArray[np.intp]:
+        """Points neither reached nor out of reach."""
+        return np.flatnonzero(~self.reached & ~self.short)
+
+    def learn(self, busy: NDArray[np.intp], power_W: Array, tolerance: float) -> None:
+        """Judge the power at the present phases and narrow the brackets."""
+        x, goal_W = self.phase[busy], self.goal_W[busy]
+        error = goal_W - power_W
+        self.reached[busy] = np.abs(error) <= tolerance * np.maximum(goal_W, _LEAST_W)
+        top = (error > 0) & (x >= self.limit[busy]) & ~self.reached[busy]
+        self.most_W[busy[top]], self.short[busy[top]] = power_W[top], True
+        self.low[busy] = np.where(error > 0, x, self.low[busy])
+        self.high[busy] = np.where(error <= 0, x, self.high[busy])
+
+    def move(self, busy: NDArray[np.intp], power_W: Array, *, bisect: bool) -> None:
+        """Step to the secant's root, or halve the bracket where that falls outside or ``bisect``."""
+        x, error = self.phase[busy], self.goal_W[busy] - power_W
+        low, high, limit = self.low[busy], self.high[busy], self.limit[busy]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            secant = (power_W - self.last_W[busy]) / (x - self.last_phase[busy])
+        ideal = self.ideal_slope_W(x, busy)
+        slope = np.where(np.isfinite(secant) & (secant > 0.02 * ideal) & (secant < 5 * ideal), secant, ideal)
+        self.last_phase[busy], self.last_W[busy] = x, power_W
+        ahead = x + error / slope
+        outside = (ahead <= low) | (ahead >= high)
+        ahead = np.where(outside | bisect, 0.5 * (low + high), ahead)
+        ahead = np.where((high >= limit) & outside & (error > 0), limit, ahead)
+        self.phase[busy] = np.where(self.reached[busy], x, ahead)
+
+
 def regulate(
     circuit: Circuit, edges: Array, target_W: Array, *, warm: Regulated | None = None, tolerance: float = 2e-7
 ) -> Regulated:
-    """Solve the phase in [0, 1/2] for a power into the ideal secondary bridge, the smallest one.
+    """Solve the phase of the rising branch for a power into the ideal secondary bridge, the smallest one.
 
     Parameters
     ----------
@@ -87,52 +137,62 @@ def regulate(
     tolerance : float
         Of the power, relative, with 10 W as the least scale.
 
-    The search is a secant on the lossy power, started from the lossless root and kept in a bracket; where
-    the power at phase 1/2 falls a little short, the peak is searched by golden section.
+    The search is a secant on the lossy power, started from the lossless root and kept in a bracket that ends
+    at phase 1/2; where the power there falls a little short, the peak is searched by golden section. The
+    bracket starts below phase 0 by as much as delays of the edges can carry power there.
     """
-    size = target_W.size
     scale_W = lossless_scale_W(circuit)
-    probe = _Probe(
-        circuit=circuit,
-        edges=edges,
-        start_A=np.zeros(size) if warm is None else warm.orbit.start_A.copy(),
-        delay=np.zeros((4, size)) if warm is None else warm.orbit.delay.copy(),
-    )
+    probe = _probe(circuit, edges, warm)
     if warm is None:
         phase = phase_for_share(target_W / scale_W, edges)
         limit, most_W = _branch(probe, target_W, scale_W)
     else:
         phase, limit, most_W = warm.phase.copy(), warm.limit.copy(), warm.most_W.copy()
-    short = most_W < target_W
-    reached = np.zeros(size, dtype=bool)
-    low, high = np.zeros(size), limit.copy()
-    last_phase, last_W = np.full(size, np.nan), np.full(size, np.nan)
-    phase = np.minimum(phase, limit)
+
+    def ideal_slope_W(x: Array, busy: NDArray[np.intp]) -> Array:
+        return scale_W[busy] * np.maximum(power_share(edges[:, busy] + _SHIFT * x)[1], 0.02)
+
+    search = _Search(
+        goal_W=target_W,
+        ideal_slope_W=ideal_slope_W,
+        limit=limit,
+        most_W=most_W,
+        phase=np.minimum(phase, limit),
+        low=_lowest_phase(circuit, edges),
+        high=limit.copy(),
+        last_phase=np.full(target_W.size, np.nan),
+        last_W=np.full(target_W.size, np.nan),
+        reached=np.zeros(target_W.size, dtype=bool),
+        short=most_W < target_W,
+    )
     for step in range(_ROOT_STEPS):
-        busy = np.flatnonzero(~reached & ~short)
+        busy = search.busy()
         if not busy.size:
             break
-        x, goal = phase[busy], target_W[busy]
-        power_W = probe.power(x, busy)
-        error = goal - power_W
-        reached[busy] = np.abs(error) <= tolerance * np.maximum(goal, 10.0)
-        top = (error > 0) & (x >= limit[busy]) & ~reached[busy]
-        most_W[busy[top]], short[busy[top]] = power_W[top], True
-        low[busy] = np.where(error > 0, x, low[busy])
-        high[busy] = np.where(error <= 0, x, high[busy])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            secant = (power_W - last_W[busy]) / (x - last_phase[busy])
-        ideal = scale_W[busy] * np.maximum(power_share(edges[:, busy] + _SHIFT * x)[1], 0.02)
-        slope = np.where(np.isfinite(secant) & (secant > 0.02 * ideal) & (secant < 5 * ideal), secant, ideal)
-        last_phase[busy], last_W[busy] = x, power_W
-        ahead = x + error / slope
-        outside = (ahead <= low[busy]) | (ahead >= high[busy])
-        halve = outside | (step % 6 == 5)
-        ahead = np.where(halve, 0.5 * (low[busy] + high[busy]), ahead)
-        ahead = np.where((high[busy] >= limit[busy]) & outside & (error > 0), limit[busy], ahead)
-        phase[busy] = np.where(reached[busy], x, ahead)
+        power_W = probe.power(search.phase[busy], busy)
+        search.learn(busy, power_W, tolerance)
+        search.move(busy, power_W, bisect=step % _BISECT == _BISECT - 1)
+    phase = search.phase
     orbit = periodic(circuit, edges + _SHIFT * phase, probe.start_A, probe.delay)
-    return Regulated(phase=phase, limit=limit, orbit=orbit, reached=reached & orbit.closed, most_W=most_W)
+    return Regulated(
+        phase=phase, limit=limit, orbit=orbit, reached=search.reached & orbit.closed, most_W=most_W
+    )
+
+
+def _probe(circuit: Circuit, edges: Array, warm: Regulated | None) -> _Probe:
+    size = edges.shape[1]
+    return _Probe(
+        circuit=circuit,
+        edges=edges,
+        start_A=np.zeros(size) if warm is None else warm.orbit.start_A.copy(),
+        delay=np.zeros((4, size)) if warm is None else warm.orbit.delay.copy(),
+    )
+
+
+def _lowest_phase(circuit: Circuit, edges: Array) -> Array:
+    """A phase that carries no power whatever the delays: the pulses' centres two dead times the other way."""
+    between_centres = np.mean(edges[2:], axis=0) - np.mean(edges[:2], axis=0)
+    return np.asarray(-between_centres - 2.0 * circuit.dead_time_s / circuit.half_period_s)
 
 
 def _branch(probe: _Probe, target_W: Array, scale_W: Array) -> tuple[Array, Array]:
@@ -149,8 +209,13 @@ def _branch(probe: _Probe, target_W: Array, scale_W: Array) -> tuple[Array, Arra
 
 
 def _peak(probe: _Probe, points: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Phase and power at the peak of some points, by golden section."""
-    a, b = np.zeros(points.size), np.full(points.size, 0.55)
+    """Phase and power at the peak of some points: the best of a coarse scan, then golden section around it.
+
+    The scan is there because a leg that turns from hard to soft near the peak can give it a second summit.
+    """
+    coarse = np.stack([probe.power(np.full(points.size, phase), points) for phase in _PEAK_SCAN])
+    best, step = _PEAK_SCAN[np.argmax(coarse, axis=0)], _PEAK_SCAN[1] - _PEAK_SCAN[0]
+    a, b = best - step, best + step
     c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
     at_c, at_d = probe.power(c, points), probe.power(d, points)
     for _ in range(_PEAK_STEPS):

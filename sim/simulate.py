@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, operate
+from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, operate
 from sim.model import Model
 from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse
 from sim.operating_points import Points, grid
@@ -28,6 +28,7 @@ __all__ = ["PARTS", "Points", "Result", "grid", "simulate", "simulate_many"]
 Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
+_SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
 _ZVS = 0.01  # a swing that misses less than this counts as zero-voltage switching
 _COLUMNS = (
     "D0", "P1_W", "I1_A", "P2_W", "efficiency", "I_L_rms_A", "I_L_pp_A", "P_link1_W", "P_link2_W",
@@ -40,7 +41,7 @@ _COLUMNS = (
 class Result:
     """What the model says of N points: flags, reasons, and columns of shape (N,), NaN where infeasible.
 
-    In standby (``pwm`` false) the input takes the auxiliary power, and the bridge's columns are NaN.
+    In standby (``pwm`` false) the input takes nothing, and the bridge's columns are NaN.
     """
 
     points: Points
@@ -61,29 +62,61 @@ class Result:
 
 
 def simulate(model: Model, points: Points) -> Result:
-    """Simulate a model at N points; ``feasible`` tells which can be run, the others carry a reason and NaN."""
+    """Simulate a model at N points; ``feasible`` tells which run, the others carry a reason and NaN."""
     return simulate_many([model], points)[0]
 
 
 def simulate_many(models: Sequence[Model], points: Points) -> list[Result]:
-    """Several variants of one converter at the same points, in one vectorised call."""
-    moved = [model.set_points(points) for model in models]
-    size = len(points)
-    converter = stack([model.altered_converter() for model in models], size)
-    reason, truth = _solve(converter, Points.join(moved))
-    results = []
-    for k, (model, at) in enumerate(zip(models, moved, strict=True)):
-        rows = slice(k * size, (k + 1) * size)
-        shown = _with_added_loss(model, at, {name: value[rows] for name, value in truth.items()})
-        results.append(
-            Result(
-                points=points,
-                feasible=reason[rows] == "",
-                reason=reason[rows],
-                values=model.observe(at, shown),
-            )
-        )
+    """Several variants of one converter at the same points, in one vectorised call.
+
+    The first is solved from nothing, the others from its solution where that leaves power to spare.
+    """
+    first, *variants = models
+    whole = _solve(first.altered_converter(), first.set_points(points), None)
+    results = [_result(first, points, whole)]
+    if variants:
+        size = len(points)
+        converter = stack([model.altered_converter() for model in variants], size)
+        moved = Points.join([model.set_points(points) for model in variants])
+        solved = _solve(converter, moved, whole.seed)
+        for k, model in enumerate(variants):
+            results.append(_result(model, points, solved.rows(slice(k * size, (k + 1) * size))))
     return results
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seed:
+    """Warm starts of the points ``rows`` (K,) of a set of ``size``."""
+
+    size: int
+    rows: NDArray[np.intp]
+    start: WarmStart
+
+    def find(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Which start each row of a repeated set has, -1 for none."""
+        place = np.full(self.size, -1)
+        place[self.rows] = np.arange(self.rows.size)
+        return np.asarray(place[rows % self.size])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Solution:
+    """Reason of infeasibility ("" where feasible), every column's true value, and a start for variants."""
+
+    reason: NDArray[np.str_]
+    values: dict[str, Array]
+    seed: _Seed | None
+
+    def rows(self, chosen: slice) -> "_Solution":
+        """A stretch of the points."""
+        values = {name: value[chosen] for name, value in self.values.items()}
+        return _Solution(reason=self.reason[chosen], values=values, seed=None)
+
+
+def _result(model: Model, points: Points, solution: _Solution) -> Result:
+    at = model.set_points(points)
+    shown = model.observe(at, _with_added_loss(model, at, solution.values))
+    return Result(points=points, feasible=solution.reason == "", reason=solution.reason, values=shown)
 
 
 def _with_added_loss(model: Model, points: Points, truth: dict[str, Array]) -> dict[str, Array]:
@@ -109,35 +142,46 @@ def _ceiling_W(points: Points, converter: Converter) -> Array:
     return np.asarray(scale_W * share)
 
 
-def _solve(converter: Converter, points: Points) -> tuple[NDArray[np.str_], dict[str, Array]]:
-    """Reason of infeasibility ("" where feasible) and the true values of every column."""
+def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solution:
+    """Solve every point that can be; points with a start in ``seed`` go from there."""
     size = len(points)
-    dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, (size,))
+    reason = _refused(converter, points)
+    standby = ~np.asarray(points.pwm, dtype=bool)
+    values = {name: np.full(size, np.nan) for name in _COLUMNS}
+    run = np.flatnonzero((reason == "") & ~standby)
+    place = np.full(run.size, -1) if seed is None else seed.find(run)
+    left: _Seed | None = None
+    for rows, start in ((run[place < 0], None), (run[place >= 0], seed)):
+        if not rows.size:
+            continue
+        at = points.take(rows)
+        state = operate(
+            pick(converter, rows), at, None if start is None else start.start.take(place[place >= 0])
+        )
+        for k in np.flatnonzero(~state.regulated.reached).tolist():
+            reason[rows[k]] = _why_not(state, k)
+        kept = np.flatnonzero(state.regulated.reached)
+        for name, value in _columns(state, at).items():
+            values[name][rows[kept]] = value[kept]
+        if seed is None:
+            spare = np.flatnonzero(state.comfortable(_SPARE))
+            left = _Seed(size=size, rows=rows[spare], start=state.start().take(spare))
+    for name in ("P1_W", "I1_A", "P2_W", "loss_added_W"):
+        values[name][standby] = 0.0
+    values["T_heatsink_C"][standby] = np.asarray(points.ambient_C)[standby]
+    return _Solution(reason=reason, values=values, seed=left)
+
+
+def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
+    """Why a point need not be tried, "" where it must; standby is never refused."""
+    dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, (len(points),))
     reason = infeasible_pulse(np.asarray(points.D1), np.asarray(points.D2), dead).astype("U96")
     reason[(reason == "") & (points.power_W < 0)] = "power below 0 W: only forward transfer is simulated"
     most = _ceiling_W(points, converter)
     for k in np.flatnonzero((reason == "") & (points.power_W >= most)):
         reason[k] = f"D1 and D2 carry less than {most[k]:.0f} W"
-    standby = ~np.asarray(points.pwm, dtype=bool)
-    reason[standby] = ""
-    values = {name: np.full(size, np.nan) for name in _COLUMNS}
-    run = np.flatnonzero((reason == "") & ~standby)
-    if run.size:
-        at = points.take(run)
-        state = operate(pick(converter, run), at)
-        for k in np.flatnonzero(~state.regulated.reached):
-            reason[run[k]] = _why_not(state, k)
-        kept = np.flatnonzero(state.regulated.reached)
-        for name, value in _columns(state, at).items():
-            values[name][run[kept]] = value[kept]
-    rest = np.flatnonzero(standby)
-    if rest.size:
-        idle = np.broadcast_to(converter.auxiliary_power_W, (size,))[rest]
-        values["P1_W"][rest], values["loss_auxiliary_W"][rest] = idle, idle
-        values["P2_W"][rest], values["loss_added_W"][rest] = 0.0, 0.0
-        values["I1_A"][rest] = idle / points.V1_V[rest]  # type: ignore[index]
-        values["T_heatsink_C"][rest] = points.ambient_C[rest]  # type: ignore[index]
-    return reason, values
+    reason[~np.asarray(points.pwm, dtype=bool)] = ""
+    return reason
 
 
 def _why_not(state: OperatingState, k: int) -> str:

@@ -17,6 +17,7 @@ carry the same volt-seconds.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ def swing_curve(charging: Sequence[Capacitance], discharging: Sequence[Capacitan
         charge = charge + junction.charge_C(v)
     for junction in discharging:
         charge = charge + junction.charge_C(swing_V) - junction.charge_C(swing_V - v)
-    return np.interp(np.linspace(0.0, charge[-1], CURVE_POINTS), charge, v) / swing_V
+    return np.interp(np.linspace(0.0, float(charge[-1]), CURVE_POINTS), charge, v) / swing_V
 
 
 def read_curves(curves: Array, charge_share: Array) -> Array:
@@ -51,8 +52,8 @@ def read_curves(curves: Array, charge_share: Array) -> Array:
     ``curves`` is flattened and ``charge_share`` counted from each curve's start by the caller.
     """
     index = np.minimum(charge_share.astype(np.intp), curves.size - 2)
-    low = curves[index]
-    return low + (curves[index + 1] - low) * (charge_share - index)
+    low: Array = curves[index]
+    return np.asarray(low + (curves[index + 1] - low) * (charge_share - index))
 
 
 def residual_energy(
@@ -80,8 +81,8 @@ class Commutation:
     """The dead times of all edges, arrays of one shape.
 
     ``delay_s`` is the volt-second equivalent delay of the step, ``missing`` the share of the swing that is
-    switched hard, ``opposite_C`` and ``same_C`` the charges that the diodes on the new and the old side carry,
-    ``turn_off_A`` the current at the edge (positive: the switch that opens carried it forward),
+    switched hard, ``opposite_C`` and ``same_C`` the charges that the diodes on the new and the old side
+    carry, ``turn_off_A`` the current at the edge (positive: the switch that opens carried it forward),
     ``turn_on_A`` the current that the switch that closes takes over against its will.
     """
 
@@ -119,7 +120,7 @@ def commutate(
     j, q = current_A, np.zeros_like(current_A)
     share = np.zeros_like(q)
     delay, opposite, same = np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
-    for start, end in zip(_GRID[:-1], _GRID[1:], strict=True):
+    for start, end in pairwise(_GRID):
         step = (end - start) * dead_time_s
         change = slope(start * dead_time_s, end * dead_time_s, share) * step
         moved = q + (j + 0.5 * change) * step

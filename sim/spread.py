@@ -14,11 +14,15 @@ from sim.parameters import Converter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """One sigma of the parameter at a dotted path: relative to its value, or in its own unit."""
+    """One sigma of the parameter at a dotted path: relative to its value, or in its own unit.
+
+    ``lower`` is where it ends: a cable has no negative resistance.
+    """
 
     path: str
     sigma: float
     relative: bool = True
+    lower: float = float("-inf")
 
     def shifted(self, converter: Converter, sigmas: float) -> Converter:
         """The converter with this parameter off by so many sigmas."""
@@ -31,7 +35,7 @@ def _shift(owner: Any, path: list[str], spread: Spread, sigmas: float) -> Any:
     if rest:
         return replace(owner, **{name: _shift(old, rest, spread, sigmas)})
     step = sigmas * spread.sigma
-    return replace(owner, **{name: old * (1 + step) if spread.relative else old + step})
+    return replace(owner, **{name: max(old * (1 + step) if spread.relative else old + step, spread.lower)})
 
 
 # Assumption: everyday spreads of wound parts, wiring, timing and cooling.
@@ -46,12 +50,12 @@ _REST = (
     Spread(path="transformer.winding.ac_extra", sigma=0.2),
     Spread(path="transformer.core.k", sigma=0.07),
     Spread(path="transformer.thermal_K_per_W", sigma=0.05),
-    Spread(path="link_resistance_Ohm", sigma=0.002, relative=False),
+    Spread(path="link_resistance_Ohm", sigma=0.002, relative=False, lower=0.0),
     Spread(path="dead_time_s", sigma=8e-9, relative=False),
     Spread(path="secondary_delay_s", sigma=8e-9, relative=False),
-    Spread(path="auxiliary_power_W", sigma=0.05, relative=False),
-    Spread(path="input_cable_Ohm", sigma=0.002, relative=False),
-    Spread(path="output_cable_Ohm", sigma=0.0005, relative=False),
+    Spread(path="auxiliary_power_W", sigma=0.05, relative=False, lower=0.0),
+    Spread(path="input_cable_Ohm", sigma=0.002, relative=False, lower=0.0),
+    Spread(path="output_cable_Ohm", sigma=0.0005, relative=False, lower=0.0),
     Spread(path="heatsink_K_per_W", sigma=0.06),
 )
 

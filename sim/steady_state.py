@@ -32,11 +32,12 @@ _SETTLED = 1e-9  # of a half period, 25 fs at 20 kHz
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circuit:
-    """What the solver needs of a converter at N operating points; every array has shape (N,).
+    """What the solver needs of a converter at N operating points; arrays have shape (N,) unless told.
 
-    ``forward``, ``reverse``, ``zero`` are the loop's drops (threshold in V, resistance in Ohm, shape (2, N)) in
-    the active state with the current along vp, against it, and in the zero state. ``charge_C`` (4, N) moves
-    each leg through its swing along the ``curve``-th of its ``curves`` (4, G, 65), shared by all points.
+    ``forward``, ``reverse``, ``zero`` are the loop's drops (threshold in V, resistance in Ohm, shape (2, N))
+    in the active state with the current along vp, against it, and in the zero state; the resistances are
+    above 0. ``charge_C`` (4, N) moves each leg through its swing along the ``curve``-th of its ``curves``
+    (4, G, 65), shared by all points.
     """
 
     V1_V: Array
@@ -55,10 +56,8 @@ class Circuit:
 
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """The circuit at some of its points."""
-        kept = {"curves": self.curves}
-        return type(self)(
-            **kept, **{f.name: getattr(self, f.name)[..., chosen] for f in fields(self) if f.name not in kept}
-        )
+        of_points = [f.name for f in fields(self) if f.name != "curves"]
+        return replace(self, **{name: getattr(self, name)[..., chosen] for name in of_points})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,11 +85,9 @@ class Pieces:
         def pick(values: Array) -> Array:
             return np.take_along_axis(values, index, axis=0).reshape(time_s.shape)
 
-        since = time_s - pick(self.start_s)
-        decayed = -np.expm1(-pick(self.decay_per_s) * since)
-        return pick(self.current_A) * (1 - decayed) + pick(self.drive_A_per_s) * decayed / pick(
-            self.decay_per_s
-        )
+        decay_per_s = pick(self.decay_per_s)
+        decayed: Array = -np.expm1(-decay_per_s * (time_s - pick(self.start_s)))
+        return pick(self.current_A) * (1 - decayed) + pick(self.drive_A_per_s) * decayed / decay_per_s
 
     def charge(self) -> Array:
         """Integral of i over each piece, in A s."""
@@ -112,13 +109,16 @@ class Pieces:
     @property
     def end_A(self) -> Array:
         """Current at the end of each piece, in A."""
-        decayed = -np.expm1(-self.decay_per_s * self.duration_s)
+        decayed: Array = -np.expm1(-self.decay_per_s * self.duration_s)
         return self.current_A * (1 - decayed) + self.drive_A_per_s * decayed / self.decay_per_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Orbit:
-    """A periodic steady state: start current (N,), edge delays in units of Th (4, N), pieces, commutations."""
+    """A periodic steady state: start current (N,), delays of the edges in units of Th (4, N), and the rest.
+
+    ``closed`` tells at which points current and delays came back to themselves.
+    """
 
     start_A: Array
     delay: Array
@@ -132,13 +132,17 @@ class Orbit:
 
     def output_power_W(self) -> Array:
         """Mean of n vs i over the half period: power into the ideal secondary bridge."""
-        p = self.pieces
-        return np.sum(p.nvs_V * p.charge(), axis=0) / np.sum(p.duration_s, axis=0)
+        return self._mean_power_W(self.pieces.nvs_V)
 
     def input_power_W(self) -> Array:
         """Mean of vp i over the half period: power out of the ideal primary bridge."""
-        p = self.pieces
-        return np.sum(p.vp_V * p.charge(), axis=0) / np.sum(p.duration_s, axis=0)
+        return self._mean_power_W(self.pieces.vp_V)
+
+    def _mean_power_W(self, voltage_V: Array) -> Array:
+        """Mean of a voltage, (10, N) over the pieces, times the current."""
+        return np.asarray(
+            np.sum(voltage_V * self.pieces.charge(), axis=0) / np.sum(self.pieces.duration_s, axis=0)
+        )
 
 
 def _levels(circuit: Circuit, flips: Array) -> tuple[Array, Array, Array]:
@@ -194,15 +198,15 @@ def _march(circuit: Circuit, flips: Array, start_A: Array) -> Pieces:
             sign = np.where(crosses, np.sign(v), sign)
     begin = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)[:-1]])
     return Pieces(
-        start_s=begin, duration_s=length, current_A=current, drive_A_per_s=drive, decay_per_s=decay, sign=signs,
-        vp_V=np.repeat(vp, 2, axis=0), nvs_V=np.repeat(nvs, 2, axis=0),
+        start_s=begin, duration_s=length, current_A=current, drive_A_per_s=drive, decay_per_s=decay,
+        sign=signs, vp_V=np.repeat(vp, 2, axis=0), nvs_V=np.repeat(nvs, 2, axis=0),
     )  # fmt: skip
 
 
 def magnetizing_current(circuit: Circuit, edges: Array, time: Array) -> Array:
     """Triangle driven by n vs, in A, at ``time`` (..., N) in units of Th; zero mean by half-wave symmetry."""
     slope = circuit.nV2_V * circuit.half_period_s / (2 * circuit.magnetizing_H)
-    total = np.zeros_like(time)
+    total: Array = np.zeros_like(time)
     for edge in edges[2:]:
         position = np.mod(time - edge, 2.0)
         total = total + np.where(position < 1.0, position - 0.5, 1.5 - position)
@@ -233,7 +237,7 @@ def _commutations(circuit: Circuit, edges: Array, flips: Array, pieces: Pieces) 
     kick = 2.0 * gain[legs, targets, points]
 
     def slope(start_s: Array, end_s: Array, share: Array) -> Array:
-        total = base + own * (2.0 * share - 1.0)
+        total: Array = base + own * (2.0 * share - 1.0)
         if arrival.size:
             begin, end = start_s[points], end_s[points]
             np.add.at(total, (targets, points), kick * np.clip((end - arrival) / (end - begin), 0.0, 1.0))
@@ -261,9 +265,7 @@ def periodic(circuit: Circuit, edges: Array, start_A: Array, delay: Array) -> Or
     Ni, 2011) on the start current and the four delays; the closing error i(Th) + i(0) has a slope near 2, so
     half of it is the plain step. ``closed`` tells where both settled.
     """
-    unit_A = (
-        circuit.V1_V * circuit.half_period_s / circuit.inductance_H
-    )  # makes the current comparable to delays
+    unit_A = circuit.V1_V * circuit.half_period_s / circuit.inductance_H  # as comparable as delays
     longest = circuit.dead_time_s / circuit.half_period_s
     state = np.concatenate([(start_A / unit_A)[None], delay])
     history = np.full((4, *state.shape), np.nan)  # last state and step, and those before
@@ -307,4 +309,4 @@ def _accelerated(now: Array, step: Array, history: Array) -> Array:
     safe = np.where(two, determinant, 1.0)
     first = np.where(two, (ra * bb - rb * ab) / safe, np.where(aa > 0, ra / np.where(aa > 0, aa, 1.0), 0.0))
     second = np.where(two, (rb * aa - ra * ab) / safe, 0.0)
-    return step - first * (dx + df) - second * (dx2 + df2)
+    return np.asarray(step - first * (dx + df) - second * (dx2 + df2))

@@ -31,7 +31,7 @@ def temperatures(converter: Converter, losses: dict[str, Array], ambient_C: Quan
     }
 
     def limited(value: Quantity) -> Array:
-        return np.minimum(np.asarray(value), _HOTTEST_C)
+        return np.asarray(np.minimum(value, _HOTTEST_C))
 
     def winding(name: str, thermal_K_per_W: Quantity) -> Array:
         return limited(ambient_C + thermal_K_per_W * (losses[f"{name}_copper"] + losses[f"{name}_core"]))

@@ -7,7 +7,7 @@ only passes commands in and reads terminals out. The converter is the virtual la
 import threading
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 _OVERHEAT_C = 100.0
 _OVERRANGE = 1.3  # an element shows values up to this share of its range, as power analyzers do
+_FAR_K = 5.0  # of warming, beyond which the losses that settle it are worth a second look
 _HEATSINK_S = 40.0
 
 
@@ -69,12 +70,17 @@ def _one(value: float) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Episode:
-    """The plant under one command: where its heat started and ends, and the circuit at both."""
+    """The plant under one command: where its heat started, and the circuit there and where it will settle.
+
+    Both circuits are None where nothing runs, and before ``solved``: only an episode that somebody looks at,
+    or that lasts, is worth solving.
+    """
 
     since_s: float
     heat: Heat
-    first: Electrical | None
-    last: Electrical | None
+    solved: bool = False
+    first: Electrical | None = None
+    last: Electrical | None = None
 
 
 class Plant:
@@ -89,7 +95,7 @@ class Plant:
         self._faults: tuple[str, ...] = ()
         self._visits: Counter[Command] = Counter()
         heat = laboratory.cold(_one(float(laboratory.ambient_C(clock.now()))))
-        self._episode = _Episode(since_s=clock.now(), heat=heat, first=None, last=None)
+        self._episode = _Episode(since_s=clock.now(), heat=heat)
 
     @classmethod
     def virtual(
@@ -130,10 +136,16 @@ class Plant:
         heat = self._heat(now_s)
         self._command = command
         self._visits[command] += 1
-        first = last = None
-        if command.pwm and not self._faults and command.supply_on and command.supply_V > 0:
-            first, last = self._solve(command, heat, now_s)
-        self._episode = _Episode(since_s=now_s, heat=heat, first=first, last=last)
+        self._episode = _Episode(since_s=now_s, heat=heat)
+
+    def _look(self) -> _Episode:
+        """The present episode, solved."""
+        episode, command = self._episode, self._command
+        if not episode.solved:
+            runs = command.pwm and not self._faults and command.supply_on and command.supply_V > 0
+            first, last = self._solve(command, episode.heat, episode.since_s) if runs else (None, None)
+            self._episode = episode = replace(episode, solved=True, first=first, last=last)
+        return episode
 
     def _solve(
         self, command: Command, heat: Heat, now_s: float
@@ -144,25 +156,29 @@ class Plant:
         demand = lab.demand(_one(command.D1), _one(command.D2), power, _one(command.supply_V))
         first = lab.run(demand, power, heat)
         if not first.running[0]:
-            self._faults = ("output undervoltage",)
+            self._faults = ("output_undervoltage",)
             return None, None
         ambient = lab.ambient_C(_one(now_s))
-        last = lab.run(demand, power, lab.final_heat(first.losses, ambient), first)
-        last = lab.run(demand, power, lab.final_heat(last.losses, ambient), last)
+        end = lab.final_heat(first.losses, ambient)
+        last = lab.run(demand, power, end, first)
+        if np.abs(end.heatsink_C - heat.heatsink_C)[0] > _FAR_K:
+            last = lab.run(demand, power, lab.final_heat(last.losses, ambient), last)
         if not last.running[0]:
             last = first
         _, P1 = lab.input_terminals(first, heat.heatsink_C, now_s)
         if P1[0] > command.supply_V * command.supply_limit_A > 0:
-            self._faults = ("input undervoltage",)
+            self._faults = ("input_undervoltage",)
             return None, None
         return first, last
 
     # state
 
     def _heat(self, now_s: float) -> Heat:
-        lab, episode = self.laboratory, self._episode
+        elapsed = now_s - self._episode.since_s
+        if elapsed <= 0.0:
+            return self._episode.heat
+        lab, episode = self.laboratory, self._look()
         ambient = lab.ambient_C(_one(now_s))
-        elapsed = now_s - episode.since_s
         if episode.last is None:
             return lab.cooled(episode.heat, ambient, elapsed)
         return lab.warmed(episode.heat, episode.last.losses, ambient, elapsed)
@@ -175,10 +191,12 @@ class Plant:
         """The plant at the clock's now."""
         with self._lock:
             now_s = self.clock.now()
+            self._look()
             heat, way = self._moment(now_s)
             if heat.heatsink_C[0] > _OVERHEAT_C and self._episode.last is not None:
-                self._faults = (*self._faults, "overtemperature")
+                self._faults = (*self._faults, "heatsink_overtemperature")
                 self._begin(self._command)
+                self._look()
                 heat, way = self._moment(now_s)
             return self._state(now_s, heat, way)
 
@@ -220,7 +238,7 @@ class Plant:
         if not command.supply_on:
             return 0.0, 0.0
         if first is None or last is None:
-            return command.supply_V + lab.errors.supply_V, lab.converter.auxiliary_power_W + 0.0  # type: ignore[return-value]
+            return command.supply_V + lab.errors.supply_V, 0.0
         start_V, start_W = lab.input_terminals(first, heat.heatsink_C, now_s)
         end_V, end_W = lab.input_terminals(last, heat.heatsink_C, now_s)
         mix = np.array([1 - way, way])
@@ -244,23 +262,23 @@ class Plant:
             rng = np.random.default_rng(key)
             shown: dict[str, float] = {}
             for element, triple in self._elements(state).items():
-                U, I, P = read_element(self.laboratory.errors, element, [np.asarray(x) for x in triple], rng)
-                if element == 1 and state.supply_A < self.laboratory.quirks.low_range_A:
-                    step = 1 + self.laboratory.quirks.low_range_step
-                    I, P = I * step, P * step
-                if element == 1:
-                    I, P = self._port_quirks(I, P, state.supply_V)
-                over = U > _OVERRANGE * ranges.get(f"U{element}", np.inf) or abs(I) > _OVERRANGE * ranges.get(
-                    f"I{element}", np.inf
+                volts, amps, watts = read_element(
+                    self.laboratory.errors, element, [np.asarray(x) for x in triple], rng
                 )
-                values = (np.inf,) * 3 if over else (float(U), float(I), float(P))
+                if element == 1:
+                    amps, watts = self._port_quirks(amps, watts, state)
+                most_V, most_A = (_OVERRANGE * ranges.get(f"{q}{element}", np.inf) for q in "UI")
+                over = bool(volts > most_V or abs(amps) > most_A)
+                values = (np.inf,) * 3 if over else (float(volts), float(amps), float(watts))
                 shown |= dict(zip((f"U{element}", f"I{element}", f"P{element}"), values, strict=True))
             return shown
 
-    def _port_quirks(self, I: Array, P: Array, supply_V: float) -> tuple[Array, Array]:
+    def _port_quirks(self, amps: Array, watts: Array, state: PlantState) -> tuple[Array, Array]:
+        """What is wrong with port 1 beyond its specification: the lower range's step, gain and offset."""
         quirks = self.laboratory.quirks
-        gain = 1 + quirks.input_gain
-        return I * gain + quirks.input_offset_A, P * gain + quirks.input_offset_A * supply_V
+        step = 1 + quirks.low_range_step if state.supply_A < quirks.low_range_A else 1.0
+        gain, offset_A = 1 + quirks.input_gain, quirks.input_offset_A
+        return amps * step * gain + offset_A, watts * step * gain + offset_A * state.supply_V
 
     def _elements(self, state: PlantState) -> dict[int, tuple[float, float, float]]:
         """Truth at the four elements: rms voltage, current, power."""

@@ -22,7 +22,8 @@ class EffectParameter:
     """One parameter of an effect.
 
     ``tolerance`` is the everyday spread (one sigma) that every bench has about ``off``; ``prior`` the scale
-    (one sigma) of the values that deserve the effect's name; ``lower`` and ``upper`` bound both.
+    (one sigma) of the values that deserve the effect's name; ``lower`` and ``upper`` bound both. ``scan``
+    lists values to try of a parameter in which the effect is not smooth (a threshold).
     """
 
     name: str
@@ -32,11 +33,12 @@ class EffectParameter:
     tolerance: float
     prior: float
     off: float = 0.0
+    scan: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """An entry of the catalogue: a name, parameters (headline first), one sentence, one check on the bench."""
+    """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench."""
 
     name: str
     stage: str
@@ -49,6 +51,13 @@ class Effect:
     def headline(self) -> EffectParameter:
         """The parameter that a single value means."""
         return self.parameters[0]
+
+    def variants(self) -> list[dict[str, float]]:
+        """The settings of the parameters beside the headline that a search must try, one dict each."""
+        found: list[dict[str, float]] = [{}]
+        for p in self.parameters[1:]:
+            found = [{**chosen, p.name: value} for chosen in found for value in (p.scan or (p.off,))]
+        return found
 
     def off_values(self) -> dict[str, float]:
         """The values at which the effect does nothing."""

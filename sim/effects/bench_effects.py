@@ -109,7 +109,14 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         parameters=(
             _one("power_W", "W", 0.0, 3.0, 0.0, 30.0),
             EffectParameter(
-                name="threshold_C", unit="degC", tolerance=0.0, prior=5.0, lower=25.0, upper=90.0, off=40.0
+                name="threshold_C",
+                scan=(30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0),
+                unit="degC",
+                tolerance=0.0,
+                prior=5.0,
+                lower=25.0,
+                upper=90.0,
+                off=40.0,
             ),
         ),
         says="a fan switches on above a heatsink temperature and is fed from the input",
@@ -133,14 +140,14 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
     AnalyzerGain(
         name="analyzer_gain",
         stage="measurement, command",
-        parameters=(_one("relative_error", "1", 4e-4, 4e-3, -0.05, 0.05),),
+        parameters=(_one("relative_error", "1", 4e-4, 5e-3, -0.05, 0.05),),
         says="the analyzer's two dc ports disagree in proportion: calibration, range or wiring",
         check_on_bench="swap the two elements and measure the same point again",
     ),
     AnalyzerOffset(
         name="analyzer_offset",
         stage="measurement, command",
-        parameters=(_one("current_A", "A", 1.5e-3, 0.015, -0.2, 0.2),),
+        parameters=(_one("current_A", "A", 2.5e-3, 0.02, -0.2, 0.2),),
         says="the analyzer's input current has a zero offset",
         check_on_bench="zero the analyzer with the input open; read standby with the leads off",
     ),
@@ -150,7 +157,14 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         parameters=(
             _one("relative_step", "1", 0.0, 4e-3, -0.05, 0.05),
             EffectParameter(
-                name="boundary_A", unit="A", tolerance=0.0, prior=1.0, lower=0.1, upper=20.0, off=5.0
+                name="boundary_A",
+                scan=(1.0, 2.0, 5.0, 10.0),
+                unit="A",
+                tolerance=0.0,
+                prior=1.0,
+                lower=0.1,
+                upper=20.0,
+                off=5.0,
             ),
         ),
         says="the analyzer reads in another proportion on the lower of two current ranges",

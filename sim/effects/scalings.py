@@ -63,13 +63,13 @@ def _relative(
 
 
 _SIC = ("primary.outer", "secondary.switch")
-_Lm = prototype().transformer.magnetizing_H
+_Lm = float(prototype().transformer.magnetizing_H)
 
 SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="link_resistance",
         stage="circuit",
-        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (-0.005, 0.5)),
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (0.0, 0.5)),
         paths=("link_resistance_Ohm",),
         change=_added,
         says="the ac link has more series resistance than modelled: winding, circuit board or connectors",
@@ -81,8 +81,14 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_parameter("extra_at_fs", "1", 0.04, 0.5, (-0.1, 5.0)),
         paths=("inductor.winding.ac_extra", "transformer.winding.ac_extra"),
         change=_added,
-        says="the windings' resistance at the switching frequency is higher than modelled: skin and proximity effect",
-        check_on_bench="measure inductor and transformer with an impedance analyzer from dc to ten times the switching frequency",
+        says=(
+            "the windings' resistance at the switching frequency is higher than modelled: skin and "
+            "proximity effect"
+        ),
+        check_on_bench=(
+            "measure inductor and transformer with an impedance analyzer from dc to ten times the "
+            "switching frequency"
+        ),
     ),
     ParameterEffect(
         name="leakage_inductance",
@@ -91,7 +97,10 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("inductor.inductance_H",),
         change=_scaled,
         says="the link inductance differs from its nominal value",
-        check_on_bench="measure the series inductance with the transformer in place, secondary shorted, at the switching frequency",
+        check_on_bench=(
+            "measure the series inductance with the transformer in place, secondary shorted, at the "
+            "switching frequency"
+        ),
     ),
     ParameterEffect(
         name="magnetizing_inductance",
@@ -117,7 +126,10 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_parameter("skew_s", "s", 8e-9, 60e-9, (-400e-9, 400e-9)),
         paths=("secondary_delay_s",),
         change=_added,
-        says="the secondary's gates come later than the primary's by more than modelled: driver or isolator delay",
+        says=(
+            "the secondary's gates come later than the primary's by more than modelled: driver or "
+            "isolator delay"
+        ),
         check_on_bench="measure the gates of S1 and Q1 against their commands with an oscilloscope",
     ),
     ParameterEffect(
@@ -136,7 +148,9 @@ SCALINGS: tuple[Effect, ...] = (
         paths=tuple(f"{s}.on.resistance_Ohm" for s in _SIC),
         change=_scaled,
         says="the SiC switches' on-resistance is higher than the datasheet's typical value",
-        check_on_bench="measure drain-source voltage at dc load current with the gate on, at working temperature",
+        check_on_bench=(
+            "measure drain-source voltage at dc load current with the gate on, at working temperature"
+        ),
     ),
     ParameterEffect(
         name="clamp_diode_drop",
@@ -153,8 +167,14 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.08, 0.7),
         paths=("primary.outer.turn_off.energy_J", "primary.inner.turn_off.energy_J"),
         change=_scaled,
-        says="the primary switches lose more at turn-off than the datasheet scales to: gate resistor, stray inductance, tail current",
-        check_on_bench="double-pulse test of the primary leg at half the dc link, or change the gate resistor and re-measure",
+        says=(
+            "the primary switches lose more at turn-off than the datasheet scales to: gate resistor, "
+            "stray inductance, tail current"
+        ),
+        check_on_bench=(
+            "double-pulse test of the primary leg at half the dc link, or change the gate resistor and "
+            "re-measure"
+        ),
     ),
     ParameterEffect(
         name="turn_off_energy_secondary",
@@ -162,7 +182,10 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.08, 2.0, (-0.6, 20.0)),
         paths=("secondary.switch.turn_off.energy_J",),
         change=_scaled,
-        says="the secondary switches lose more at turn-off than the datasheet scales to: gate resistor, stray inductance",
+        says=(
+            "the secondary switches lose more at turn-off than the datasheet scales to: gate resistor, "
+            "stray inductance"
+        ),
         check_on_bench="double-pulse test of the secondary leg, or change the gate resistor and re-measure",
     ),
     ParameterEffect(
@@ -189,7 +212,9 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.07, 0.6),
         paths=("transformer.core.k",),
         change=_scaled,
-        says="the transformer's core loses more than its material data say: grade, gap, dc bias or temperature",
+        says=(
+            "the transformer's core loses more than its material data say: grade, gap, dc bias or temperature"
+        ),
         check_on_bench="measure no-load power at rated voltage, and the core's temperature",
     ),
     ParameterEffect(
@@ -204,16 +229,16 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="auxiliary_power",
         stage="supply, wiring",
-        parameters=_parameter("power_W", "W", 0.1, 3.0, (-1.0, 50.0)),
+        parameters=_parameter("power_W", "W", 0.1, 3.0, (0.0, 50.0)),
         paths=("auxiliary_power_W",),
         change=_added,
-        says="something draws constant power from the input: control, gate drivers, fan",
-        check_on_bench="read the input power in standby, with the analyzer's zero checked",
+        says="gate drivers, fan or control draw constant power from the input while the bridges switch",
+        check_on_bench="feed the gate drivers and the fan from a supply of their own, and measure that",
     ),
     ParameterEffect(
         name="cable_resistance_input",
         stage="supply, wiring",
-        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (-0.005, 1.0)),
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (0.0, 1.0)),
         paths=("input_cable_Ohm",),
         change=_added,
         says="resistance between the analyzer's input terminals and the dc link: cable, fuse, contactor",
@@ -222,11 +247,16 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="cable_resistance_output",
         stage="supply, wiring",
-        parameters=_parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (-0.002, 0.3)),
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (0.0, 0.3)),
         paths=("output_cable_Ohm",),
         change=_added,
-        says="resistance between the output capacitors and the analyzer's output terminals: cable, shunt, contactor",
-        check_on_bench="measure the voltage from the output capacitors to the analyzer's terminals at full current",
+        says=(
+            "resistance between the output capacitors and the analyzer's output terminals: cable, "
+            "shunt, contactor"
+        ),
+        check_on_bench=(
+            "measure the voltage from the output capacitors to the analyzer's terminals at full current"
+        ),
     ),
     ParameterEffect(
         name="thermal_resistance",

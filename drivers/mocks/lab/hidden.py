@@ -66,7 +66,7 @@ def _times(*paths: str) -> Callable[[Converter, float], Converter]:
 
 
 def _is(path: str) -> Callable[[Converter, float], Converter]:
-    return lambda converter, value: _changed(converter, path, lambda old: value)  # type: ignore[no-any-return]
+    return lambda converter, value: _changed(converter, path, lambda old: value)
 
 
 _OUTER, _INNER, _CLAMP, _LOW = "primary.outer", "primary.inner", "primary.clamp", "secondary.switch"

@@ -54,19 +54,18 @@ def read_element(
     errors: InstrumentErrors, element: int, volt_amp_watt: Sequence[Array], rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
     """U, I and P of one element as it shows them in one update; inputs and results have one shape."""
-    U, I, P = volt_amp_watt
+    volts, amps, watts = volt_amp_watt
     gain_U, gain_I = 1 + errors.voltage_gain[element], 1 + errors.current_gain[element]
     offset_A = errors.offset_A[element]
 
     def noise() -> Array:
-        draw = rng.standard_t(_TAIL, np.shape(P)) * np.sqrt((_TAIL - 2) / _TAIL)
+        draw = rng.standard_t(_TAIL, np.shape(watts)) * np.sqrt((_TAIL - 2) / _TAIL)
         return np.asarray(1 + _NOISE[element] * draw)
 
-    shown_P = P * gain_U * gain_I * noise() + (offset_A * U + errors.offset_W[element]) * (
-        1 + 0.05 * (noise() - 1)
-    )
+    offset_W = offset_A * volts + errors.offset_W[element]
+    shown_W = watts * gain_U * gain_I * noise() + offset_W * (1 + 0.05 * (noise() - 1))
     return (
-        U * gain_U * (1 + 0.3 * (noise() - 1)),
-        (I * gain_I + offset_A) * (1 + 0.5 * (noise() - 1)),
-        shown_P,
+        volts * gain_U * (1 + 0.3 * (noise() - 1)),
+        (amps * gain_I + offset_A) * (1 + 0.5 * (noise() - 1)),
+        shown_W,
     )

@@ -50,7 +50,7 @@ def _copper(winding: Winding, temperature_C: Array, squares: Array) -> Array:
     """Dowell's rise with the square of frequency, which flattens at high harmonics."""
     k2 = _HARMONICS[:, None].astype(float) ** 2
     factor = 1 + winding.ac_extra * k2 / (1 + 0.004 * (k2 - 1))
-    return winding_Ohm(winding.resistance_Ohm, temperature_C) * np.sum(factor * squares, axis=0)
+    return np.asarray(winding_Ohm(winding.resistance_Ohm, temperature_C) * np.sum(factor * squares, axis=0))
 
 
 def _core(

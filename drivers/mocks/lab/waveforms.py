@@ -39,7 +39,7 @@ class Demand:
 
 
 def channel_Ohm(conduction: Conduction, junction_C: Array) -> Array:
-    """SiC on-resistance with the bend of a SiC channel: 1.32 at 125 degC and 1.59 at 175 degC for a nominal die."""
+    """On-resistance with the bend of a SiC channel: a nominal die's is 1.32 at 125 and 1.59 at 175 degC."""
     rise = junction_C - 25.0
     bend = conduction.resistance_per_K / 0.0032
     return np.asarray(conduction.resistance_Ohm * (1 + bend * (1.73e-3 * rise + 1.47e-5 * rise**2)))
@@ -60,7 +60,7 @@ def winding_Ohm(resistance_Ohm: Array | float, temperature_C: Array) -> Array:
 
 
 def series_Ohm(converter: Converter, heat: Heat) -> Array:
-    """The ac loop's resistance outside the semiconductors, at the switching frequency, on the primary side."""
+    """The ac loop's resistance outside the semiconductors, at the switching frequency, on the primary."""
     inductor, transformer = converter.inductor.winding, converter.transformer.winding
     return np.asarray(
         converter.link_resistance_Ohm

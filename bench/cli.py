@@ -1,0 +1,84 @@
+"""The command line ``d2ea``: families of verbs put together, and every error turned into words.
+
+Verbs of this package live in ``bench/commands``, one module per family, each with an ``app``. Verbs of other
+packages are found by the entry point group ``d2ea.verbs``, so that nothing above is imported here.
+
+Exit codes: 0 done, 1 failed, 2 wrong use, 3 bench left unsafe.
+"""
+
+import importlib
+import logging
+import os
+import pkgutil
+import sys
+from collections.abc import Sequence
+from importlib.metadata import entry_points
+from typing import NoReturn
+
+import typer
+from rich.markup import escape
+from typer.main import get_command
+
+import bench.commands
+from bench.commands.streams import err
+from bench.errors import BenchError, BenchUnsafe, InputError
+from drivers.errors import InstrumentError
+
+FAILED, WRONG_USE, UNSAFE = 1, 2, 3
+VERBS = "d2ea.verbs"
+log = logging.getLogger("d2ea")
+
+
+def build() -> typer.Typer:
+    """The whole command line."""
+    app = typer.Typer(
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        help="A lab bench in software: measure, simulate, learn, optimise, and say what is wrong.",
+    )
+    for module in pkgutil.iter_modules(bench.commands.__path__):
+        family = importlib.import_module(f"bench.commands.{module.name}")
+        if isinstance(verbs := getattr(family, "app", None), typer.Typer):
+            app.add_typer(verbs)
+    for point in entry_points(group=VERBS):
+        try:
+            app.add_typer(point.load(), name=point.name)
+        except (ImportError, AttributeError) as error:
+            err.print(escape(f"the verb {point.name} is not available: {error}"))
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run one command; never returns, never shows a traceback."""
+    _start_log()
+    try:
+        get_command(build())(args=arguments, prog_name="d2ea")
+    except BenchUnsafe as error:
+        _say("BENCH NOT SAFE", error)
+        err.print("[bold red]Switch the bench off by hand and see that it is off.[/]")
+        sys.exit(UNSAFE)
+    except InputError as error:
+        _say("wrong input", error)
+        sys.exit(WRONG_USE)
+    except (BenchError, InstrumentError, OSError, ValueError) as error:
+        _say("failed", error)
+        sys.exit(FAILED)
+    except Exception as error:
+        log.debug("unexpected", exc_info=error)
+        _say("failed, and this program did not expect it", f"{type(error).__name__}: {error}")
+        err.print("Set D2EA_LOG=debug and run it again for the details.")
+        sys.exit(FAILED)
+    sys.exit(0)
+
+
+def _say(what: str, error: object) -> None:
+    err.print(f"[bold red]{what}:[/] {escape(str(error))}")
+
+
+def _start_log() -> None:
+    level = os.environ.get("D2EA_LOG", "warning").upper()
+    known = logging.getLevelNamesMapping()
+    logging.basicConfig(level=known.get(level, logging.WARNING), format="%(levelname)s %(name)s: %(message)s")
+    if level not in known:
+        err.print(escape(f"D2EA_LOG = {level!r} is no level; one of {', '.join(known).lower()}"))

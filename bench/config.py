@@ -1,0 +1,376 @@
+"""The operator's files as checked objects: bench.toml and campaign.toml.
+
+Unknown keys are refused and the nearest known one is named; all problems of a file are reported at once,
+each with its line, the value found, and what is allowed.
+"""
+
+import difflib
+import hashlib
+import json
+import types
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Literal, Self, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
+
+from bench.errors import InputError, Problem
+from bench.toml_file import line_of, read_toml
+from drivers.analyzer_model import load_analyzer_model
+from drivers.modbus_map import load_map
+
+Duty = Annotated[float, Field(ge=0.0, le=1.0)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
+
+
+class Section(BaseModel):
+    """One table of a file: no unknown keys, no change after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+# --- bench.toml -------------------------------------------------------------------------------------
+
+
+class WiringConfig(Section):
+    """Which analyzer element measures what."""
+
+    input: int = Field(default=1, ge=1, le=6, description="element on the dc input")
+    output: int = Field(default=2, ge=1, le=6, description="element on the dc output")
+    link1: int | None = Field(default=None, ge=1, le=6, description="element before the inductor, if wired")
+    link2: int | None = Field(
+        default=None, ge=1, le=6, description="element behind the transformer, if wired"
+    )
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        used = [element for element in (self.input, self.output, self.link1, self.link2) if element]
+        if len(set(used)) < len(used):
+            raise ValueError("each quantity needs an element of its own")
+        return self
+
+
+class AnalyzerConfig(Section):
+    """The power analyzer."""
+
+    model: str = Field(default="wt3000", min_length=1, description="name of a model in drivers/maps")
+    resource: str = Field(min_length=1, description="serial device or URL, e.g. /dev/serial/by-id/...")
+    baud: int = Field(default=9600, gt=0, description="baud rate")
+    update_s: Positive = Field(default=0.5, le=20.0, description="update interval in seconds, 0.05 to 20")
+    ranges: dict[str, float] = Field(
+        default_factory=dict, description="fixed ranges, e.g. U1 = 300; else auto"
+    )
+    wiring: WiringConfig = WiringConfig()
+
+    @field_validator("model")
+    @classmethod
+    def _known_model(cls, name: str) -> str:
+        load_analyzer_model(name)
+        return name
+
+    @field_validator("ranges")
+    @classmethod
+    def _known_ranges(cls, ranges: dict[str, float]) -> dict[str, float]:
+        for key, value in ranges.items():
+            if len(key) != 2 or key[0] not in "UI" or not key[1].isdigit() or not value > 0:
+                raise ValueError(f"{key} = {value}: a range is U or I and an element, with a value above 0")
+        return ranges
+
+
+class DcDeviceConfig(Section):
+    """A dc supply or an electronic load on Modbus."""
+
+    map: str = Field(min_length=1, description="name of a register map in drivers/maps")
+    resource: str = Field(min_length=1, description="tcp://host:port, or a serial device")
+    unit: int = Field(default=0, ge=0, le=247, description="Modbus unit, 0 to 247")
+    baud: int = Field(default=115200, gt=0, description="baud rate of a serial device")
+
+    @field_validator("map")
+    @classmethod
+    def _known_map(cls, name: str) -> str:
+        load_map(name)
+        return name
+
+
+class ControllerConfig(Section):
+    """The converter's controller."""
+
+    resource: str = Field(min_length=1, description="serial device or URL")
+    baud: int = Field(default=115200, gt=0, description="baud rate")
+    heartbeat_s: Positive = Field(default=2.0, le=60.0, description="time between two heartbeats in seconds")
+
+
+class LimitsConfig(Section):
+    """What no reading and no set point may exceed."""
+
+    voltage_V: Positive = Field(description="input voltage")
+    current_A: Positive = Field(description="input current; also the supply's current limit")
+    power_W: Positive = Field(description="input power, and the largest set point")
+    output_voltage_V: Positive = Field(description="output voltage")
+    heatsink_C: Positive = Field(default=90.0, description="heatsink temperature")
+    winding_C: Positive = Field(default=120.0, description="transformer and inductor temperature")
+
+
+class ConverterConfig(Section):
+    """The voltages of the converter under test, and the simulation model that belongs to it."""
+
+    input_voltage_V: Positive = Field(default=300.0, description="dc input, held by the supply")
+    output_voltage_V: Positive = Field(default=140.0, description="dc output, held by the controller")
+    model: Path | None = Field(default=None, description="simulation model file; without it the baseline")
+    start_D1: Duty = Field(default=0.8, description="D1 to start with and to change the power at")
+    start_D2: Duty = Field(default=0.0, description="D2 to start with and to change the power at")
+
+
+class BenchConfig(Section):
+    """bench.toml: the instruments of one bench and its safety limits."""
+
+    name: str = Field(min_length=1, description="name of the bench")
+    virtual: bool = Field(False, description="true for mock instruments; stamped on all that is stored")
+    speed: Positive = Field(default=1.0, description="clock speed of a virtual bench")
+    database: str | None = Field(default=None, description="SQLAlchemy URL")
+    analyzer: AnalyzerConfig
+    supply: DcDeviceConfig
+    load: DcDeviceConfig
+    controller: ControllerConfig
+    limits: LimitsConfig
+    converter: ConverterConfig = ConverterConfig()
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> Self:
+        if self.speed != 1.0 and not self.virtual:
+            raise ValueError(f"speed = {self.speed:g}: only a virtual bench can run at another speed than 1")
+        if self.analyzer.update_s > self.controller.heartbeat_s:
+            raise ValueError(
+                f"analyzer.update_s = {self.analyzer.update_s:g} must not exceed controller.heartbeat_s = "
+                f"{self.controller.heartbeat_s:g}: waiting for an update would starve the heartbeat"
+            )
+        if self.converter.input_voltage_V > self.limits.voltage_V:
+            raise ValueError(
+                f"converter.input_voltage_V = {self.converter.input_voltage_V:g} is above "
+                f"limits.voltage_V = {self.limits.voltage_V:g}"
+            )
+        if self.converter.output_voltage_V > self.limits.output_voltage_V:
+            raise ValueError(
+                f"converter.output_voltage_V = {self.converter.output_voltage_V:g} is above "
+                f"limits.output_voltage_V = {self.limits.output_voltage_V:g}"
+            )
+        return self
+
+
+# --- campaign.toml ----------------------------------------------------------------------------------
+
+
+class SetPointConfig(Section):
+    """One set point."""
+
+    D1: Duty = Field(description="primary duty ratio, 0 to 1")
+    D2: Duty = Field(description="secondary inner phase shift, 0 to 1")
+    power_W: Positive = Field(description="output power, above 0")
+
+
+_PLAN_KEYS = {"latin_hypercube": ("points",), "grid": ("shape",), "points": ("set_points", "file")}
+
+
+class PlanConfig(Section):
+    """Which points, how often, in which order."""
+
+    kind: Literal["grid", "latin_hypercube", "points"] = Field(description="how the points are chosen")
+    points: int | None = Field(default=None, ge=1, description="latin_hypercube: number of feasible points")
+    shape: tuple[int, int, int] | None = Field(default=None, description="grid: counts of D1, D2 and power")
+    set_points: list[SetPointConfig] | None = Field(default=None, description="points: D1, D2, power_W each")
+    file: Path | None = Field(default=None, description="points: a CSV with the columns D1, D2, P_set_W")
+    repeats: int = Field(default=1, ge=1, description="how often each point is measured")
+    reference_every: Count = Field(default=0, description="a reference after every N points; 0: none")
+    reference: SetPointConfig | None = Field(default=None, description="the reference; else a central point")
+    heat_margin: NotNegative = Field(
+        default=0.15, description="how much hotter than predicted a part may get, of its rise over ambient"
+    )
+    order: Literal["random", "given", "power"] = Field(
+        default="random", description="random tells drift from load"
+    )
+    standby: Count = Field(default=2, description="rows with the PWM off, first")
+    no_load: Count = Field(default=2, description="rows with the PWM on and the load off, after standby")
+
+    @field_validator("shape")
+    @classmethod
+    def _shape_counts(cls, shape: tuple[int, int, int] | None) -> tuple[int, int, int] | None:
+        if shape is not None and min(shape) < 1:
+            raise ValueError("each of the three counts must be at least 1")
+        return shape
+
+    @model_validator(mode="after")
+    def _has_its_points(self) -> Self:
+        given = {
+            "latin_hypercube": ("points", self.points is not None),
+            "grid": ("shape", self.shape is not None),
+            "points": ("set_points or file (one of them)", (self.set_points is None) != (self.file is None)),
+        }
+        needed, present = given[self.kind]
+        if not present:
+            raise ValueError(f'kind = "{self.kind}" needs {needed}')
+        others = {name for kind, names in _PLAN_KEYS.items() if kind != self.kind for name in names}
+        idle = sorted(name for name in others if getattr(self, name) is not None)
+        if idle:
+            raise ValueError(f'kind = "{self.kind}" does not use {", ".join(idle)}')
+        return self
+
+
+class RangesConfig(Section):
+    """The box of a grid or a Latin hypercube."""
+
+    D1: tuple[Duty, Duty] = Field(default=(0.3, 1.0), description="[low, high] within 0 to 1")
+    D2: tuple[Duty, Duty] = Field(default=(0.0, 0.6), description="[low, high] within 0 to 1")
+    power_W: tuple[Positive, Positive] = Field(
+        default=(200.0, 2000.0), description="[low, high] in W, above 0"
+    )
+
+    @field_validator("D1", "D2", "power_W")
+    @classmethod
+    def _ordered(cls, pair: tuple[float, float]) -> tuple[float, float]:
+        if pair[0] > pair[1]:
+            raise ValueError("the first value is the low end, the second the high end")
+        return pair
+
+
+class SettlingConfig(Section):
+    """When a point counts as settled."""
+
+    window_s: Positive = Field(default=20.0, description="length of the window looked at")
+    slope: Positive = Field(default=1e-5, description="of efficiency and of relative power, largest, per s")
+    spread: Positive = Field(default=5e-4, description="largest relative deviation about that drift")
+    temperature_slope_K_per_s: Positive = Field(default=0.02, description="largest drift of any temperature")
+    limit_s: Positive = Field(default=600.0, description="after this the point is measured as not settled")
+    sample_every_s: Positive = Field(default=4.0, description="time between two samples")
+
+    @model_validator(mode="after")
+    def _enough_samples(self) -> Self:
+        if self.window_s < 3 * self.sample_every_s:
+            raise ValueError(
+                f"window_s = {self.window_s:g} holds too few samples; at least 3 × sample_every_s = "
+                f"{3 * self.sample_every_s:g}"
+            )
+        if self.limit_s < self.window_s:
+            raise ValueError(f"limit_s = {self.limit_s:g} must be at least window_s = {self.window_s:g}")
+        return self
+
+
+class MeasureConfig(Section):
+    """How a settled point is measured, and when its row is rejected."""
+
+    samples: int = Field(default=8, ge=2, description="fresh analyzer updates averaged into one row")
+    power_tolerance: Positive = Field(
+        default=0.05, description="largest relative deviation of P2 from its set value"
+    )
+    voltage_tolerance: Positive = Field(default=0.02, description="of V2 about its target, relative")
+
+
+class ScheduleConfig(Section):
+    """When the campaign starts."""
+
+    start_at: datetime | None = Field(default=None, description="date and time; local time without an offset")
+
+
+class CampaignConfig(Section):
+    """campaign.toml: what to measure and how."""
+
+    name: str = Field(min_length=1, description="name of the campaign")
+    seed: int = Field(default=1, ge=0, description="seed of everything random in the plan")
+    plan: PlanConfig
+    ranges: RangesConfig = RangesConfig()
+    settling: SettlingConfig = SettlingConfig()
+    measure: MeasureConfig = MeasureConfig()
+    schedule: ScheduleConfig = ScheduleConfig()
+
+
+# --- reading ----------------------------------------------------------------------------------------
+
+SectionT = TypeVar("SectionT", bound=Section)
+
+
+def read_bench(path: Path) -> BenchConfig:
+    """bench.toml; a relative ``converter.model`` is taken from the file's own folder."""
+    bench = _read(path, BenchConfig)
+    if bench.converter.model is None:
+        return bench
+    model = path.parent / bench.converter.model
+    return bench.model_copy(update={"converter": bench.converter.model_copy(update={"model": model})})
+
+
+def read_campaign(path: Path) -> CampaignConfig:
+    """campaign.toml; a relative ``plan.file`` is taken from the file's own folder."""
+    campaign = _read(path, CampaignConfig)
+    if campaign.plan.file is None:
+        return campaign
+    plan = campaign.plan.model_copy(update={"file": path.parent / campaign.plan.file})
+    return campaign.model_copy(update={"plan": plan})
+
+
+def config_hash(*sections: Section) -> str:
+    """SHA-256 over the sections' values, the same for the same settings however they were written."""
+    text = json.dumps([section.model_dump(mode="json") for section in sections], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _read(path: Path, kind: type[SectionT]) -> SectionT:
+    data = read_toml(path)
+    return check(data, kind, file=str(path), text=path.read_text(encoding="utf-8"))
+
+
+def check(data: object, kind: type[SectionT], *, file: str, text: str = "") -> SectionT:
+    """``data`` as a checked section; InputError lists every problem with its line in ``text``."""
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise InputError([_problem(item, kind, file, text) for item in error.errors()]) from None
+
+
+def _problem(item: ErrorDetails, kind: type[BaseModel], file: str, text: str) -> Problem:
+    path = [str(part) for part in item["loc"]]
+    owner = _section_at(kind, path[:-1]) or kind
+    value = item["input"]
+    if item["type"] == "extra_forbidden":
+        allowed = _unknown_key(path[-1], list(owner.model_fields))
+    elif item["type"] == "missing":
+        allowed, value = f"is missing; {_describe(owner, path[-1])}", None
+    else:
+        about = _describe(owner, path[-1]) if path else ""
+        allowed = item["msg"].removeprefix("Value error, ") + (f" ({about})" if about else "")
+    if isinstance(value, dict):
+        value = None
+    return Problem(
+        file=file, field=".".join(path) or "file", value=value, allowed=allowed, line=line_of(text, path)
+    )
+
+
+def _unknown_key(key: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}? " if near else ""
+    return f"unknown key; {hint}Known here: {', '.join(known)}"
+
+
+def _describe(owner: type[BaseModel], name: str) -> str:
+    field = owner.model_fields.get(name)
+    return (field.description or "a table of its own") if field else ""
+
+
+def _section_at(kind: type[BaseModel], path: Sequence[str]) -> type[BaseModel] | None:
+    """The section that ``path`` leads to, through lists and optional values."""
+    here: type[BaseModel] | None = kind
+    for part in path:
+        if here is None:
+            return None
+        if part in here.model_fields:
+            here = _section_in(here.model_fields[part].annotation)
+    return here
+
+
+def _section_in(annotation: object) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    if get_origin(annotation) in (Union, types.UnionType, list):
+        return next((found for arg in get_args(annotation) if (found := _section_in(arg))), None)
+    return None

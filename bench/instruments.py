@@ -1,0 +1,256 @@
+"""The instruments of one bench as a whole: sampled together, switched in a safe order.
+
+Not every modulation carries every power, small ones included. So the bench starts, and changes the power,
+at one modulation that carries all of them (``converter.start_D1`` and ``start_D2``), and goes from there to
+the one asked for at the power asked for: the converter is never asked for what it cannot do on the way.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from bench.config import BenchConfig
+from bench.connect import CLEARED_BY_ARMING, BenchFaults, Inspection, Instruments, open_instruments
+from bench.errors import LimitReached, OutputLost
+from bench.plan import Kind, PlannedPoint
+from bench.safety import Limits, PowerOffReport, Readings, decide, power_off
+from drivers.clock import Clock
+from drivers.controller import Applied, Telemetry
+from drivers.errors import LimitError, LinkTimeout, ReplyError
+from drivers.reading import Quality, Reading
+
+PATIENCE = 4  # further updates asked for when one carries no data: two of a range change, and a spare
+START_UP_S = 5.0  # within this the controller must have brought the output voltage up
+START_UP_STEP_S = 0.5
+REACHED = 0.9  # of the target: the output carries load from here on
+HEADROOM = 1.25  # of the load's current at full power and target voltage
+TEMPERATURES = ("T_ambient_C", "T_heatsink_C", "T_transformer_C", "T_inductor_C")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One analyzer update and the telemetry beside it, as columns of the measurement table."""
+
+    time_s: float
+    values: dict[str, float]
+    quality: Quality = Quality.GOOD
+
+    @property
+    def efficiency(self) -> float:
+        """P2/P1; NaN where one of them is missing or no power flows in."""
+        P1_W, P2_W = self.values.get("P1_W", math.nan), self.values.get("P2_W", math.nan)
+        return P2_W / P1_W if P1_W > 0 else math.nan
+
+
+class Bench:
+    """All instruments of a bench that is open."""
+
+    def __init__(
+        self, config: BenchConfig, instruments: Instruments, clock: Clock, inspection: Inspection
+    ) -> None:
+        self.config = config
+        self.clock = clock
+        self._inspection = inspection
+        self._limits = Limits.of(config.limits, config.converter)
+        self._of = instruments
+        self._columns = analyzer_columns(config)
+        self._power_W = 0.0  # what the load draws; 0 while it is off
+        self._pwm = False
+
+    # --- before anything is switched on -----------------------------------------------------------
+
+    def check(self) -> dict[str, str]:
+        """Who the instruments are; BenchFaults lists everything that speaks against using them."""
+        if self._inspection.faults:
+            raise BenchFaults(self._inspection.faults)
+        return {
+            name: " ".join(part for part in (str(identity), identity.serial, identity.firmware) if part)
+            for name, identity in self._inspection.identities.items()
+        }
+
+    def configure(self) -> None:
+        """Tell the analyzer what to measure."""
+        analyzer, wiring = self.config.analyzer, self.config.analyzer.wiring
+        links = {element for element in (wiring.link1, wiring.link2) if element is not None}
+        self._of.analyzer.configure(
+            list(self._columns), analyzer.update_s, analyzer.ranges, ac_elements=links
+        )
+
+    # --- reading ----------------------------------------------------------------------------------
+
+    def beat(self) -> Telemetry:
+        """One heartbeat, and what the controller says to it."""
+        return self._of.controller.heartbeat()
+
+    def wait(self, seconds: float) -> None:
+        """Let ``seconds`` pass on the bench's clock with the heartbeat kept up."""
+        end_s = self.clock.now() + seconds
+        while (left_s := end_s - self.clock.now()) > 0:
+            self.clock.sleep(min(left_s, self.config.controller.heartbeat_s))
+            self.beat()
+
+    def sample(self) -> Sample:
+        """A fresh update of every channel; LimitReached when it is outside the limits, or incomplete."""
+        readings = self._fresh_readings()
+        telemetry = self.beat()
+        values = {column: _value(readings.get(item)) for item, column in self._columns.items()}
+        values["D0"] = telemetry.D0
+        values |= {column: getattr(telemetry, column) for column in TEMPERATURES}
+        self._guard(values, telemetry)
+        qualities = [reading.quality for reading in readings.values()]
+        worst = next((quality for quality in qualities if quality is not Quality.GOOD), Quality.GOOD)
+        return Sample(time_s=self.clock.now(), values=values, quality=worst)
+
+    def range_columns(self) -> dict[str, float]:
+        """The dc ports' ranges in use, as columns of the measurement table."""
+        ranges, wiring = self._of.analyzer.ranges(), self.config.analyzer.wiring
+        return {
+            f"range_{quantity}{port}_{unit}": ranges[f"{quantity}{element}"]
+            for port, element in ((1, wiring.input), (2, wiring.output))
+            for quantity, unit in (("U", "V"), ("I", "A"))
+        }
+
+    def power_error_limit_W(self, power_W: float, range_W: float) -> float:
+        """The analyzer's limit of error of a dc power on a range."""
+        return self._of.analyzer.model.error_limit("P", "dc", power_W, range_W)
+
+    def _fresh_readings(self) -> dict[str, Reading]:
+        """An update in which every item has data; after some patience, one as it comes."""
+        readings: dict[str, Reading] = {}
+        for attempt in range(PATIENCE + 1):
+            try:
+                readings = self._of.analyzer.read()
+            except (LinkTimeout, ReplyError):
+                if attempt == PATIENCE:
+                    raise
+            if readings and all(reading.good for reading in readings.values()):
+                break
+            self.beat()
+        return readings
+
+    def _guard(self, values: dict[str, float], telemetry: Telemetry) -> None:
+        ignored = frozenset() if self._pwm else CLEARED_BY_ARMING
+        faults = tuple(fault for fault in telemetry.faults if fault not in ignored)
+        readings = Readings(values=values, faults=faults, pwm_on=telemetry.pwm_on, pwm_expected=self._pwm)
+        decision = decide(self._limits, readings)
+        if not decision.safe:
+            kind = OutputLost if decision.output_lost else LimitReached
+            raise kind("; ".join(decision.reasons))
+
+    # --- switching --------------------------------------------------------------------------------
+
+    def power_up(self) -> None:
+        """Supply on at its voltage, load ready and off, controller armed with the PWM off."""
+        config, supply, load = self.config, self._of.supply, self._of.load
+        self.sample()  # within the limits before anything is armed
+        load.take_remote()
+        load.off()
+        load.set_current_limit(HEADROOM * config.limits.power_W / config.converter.output_voltage_V)
+        supply.take_remote()
+        supply.set_voltage(config.converter.input_voltage_V)
+        supply.set_current_limit(config.limits.current_A)
+        supply.on()
+
+    def set_point(self, row: PlannedPoint) -> Applied | None:
+        """Bring the bench to a row of the plan; returns the modulation as applied, None with the PWM off.
+
+        Raises LimitError, before anything is sent, for a row outside the limits.
+        """
+        self._refuse(row)
+        self.sample()
+        if row.kind is Kind.STANDBY:
+            self._stand_by()
+            return None
+        applied = self._go_to_start()
+        if row.kind is Kind.NO_LOAD:
+            self._unload()
+            return applied
+        self._draw(row.power_W)
+        return self._of.controller.set_modulation(row.D1, row.D2)
+
+    def power_off(self) -> PowerOffReport:
+        """PWM, load, supply; each seen off. Never raises for a part that fails."""
+        self._power_W, self._pwm = 0.0, False
+        return power_off(
+            [
+                ("PWM", self._pwm_off),
+                ("load", self._of.load.off),
+                ("supply", self._of.supply.off),
+            ]
+        )
+
+    def _pwm_off(self) -> None:
+        """PWM seen off, and no more beats due."""
+        self._of.controller.disable()
+        self._of.controller.disarm()
+
+    def _refuse(self, row: PlannedPoint) -> None:
+        limit_W = self.config.limits.power_W
+        if not (0 <= row.D1 <= 1 and 0 <= row.D2 <= 1 and 0 <= row.power_W <= limit_W):
+            raise LimitError(
+                f"set point D1 = {row.D1:g}, D2 = {row.D2:g}, {row.power_W:g} W is outside the limits: "
+                f"D1 and D2 from 0 to 1, power from 0 to {limit_W:g} W"
+            )
+
+    def _unload(self) -> None:
+        self._of.load.off()
+        self._power_W = 0.0
+
+    def _stand_by(self) -> None:
+        if self._pwm:
+            self._go_to_start()
+        self._unload()
+        self._of.controller.disable()
+        self._pwm = False
+
+    def _go_to_start(self) -> Applied:
+        """PWM on at the modulation that carries every power."""
+        controller, converter = self._of.controller, self.config.converter
+        if self._pwm:
+            return controller.set_modulation(converter.start_D1, converter.start_D2)
+        controller.arm()
+        applied = controller.set_modulation(converter.start_D1, converter.start_D2)
+        controller.enable()
+        self._pwm = True
+        self._await_output()
+        return applied
+
+    def _await_output(self) -> None:
+        """Wait until the output voltage is up: a load must not be thrown on before."""
+        target_V = self.config.converter.output_voltage_V
+        end_s = self.clock.now() + START_UP_S
+        while (output_V := self.beat().V2_V) < REACHED * target_V:
+            if self.clock.now() >= end_s:
+                raise LimitReached(f"V2_V = {output_V:g} after {START_UP_S:g} s; target {target_V:g}")
+            self.clock.sleep(START_UP_STEP_S)
+
+    def _draw(self, power_W: float) -> None:
+        if power_W != self._power_W:
+            self._of.load.set_power(power_W)
+        if self._power_W == 0.0:
+            self._of.load.on()
+        self._power_W = power_W
+
+
+@contextmanager
+def open_bench(config: BenchConfig, clock: Clock) -> Iterator[Bench]:
+    """A bench with all its instruments open; closes them, and switches nothing."""
+    with open_instruments(config, clock) as (instruments, inspection):
+        yield Bench(config, instruments, clock, inspection)
+
+
+def analyzer_columns(config: BenchConfig) -> dict[str, str]:
+    """Analyzer item → column of the measurement table, by the wiring."""
+    wiring = config.analyzer.wiring
+    columns: dict[str, str] = {}
+    for port, element in ((1, wiring.input), (2, wiring.output)):
+        columns |= {f"U{element}": f"V{port}_V", f"I{element}": f"I{port}_A", f"P{element}": f"P{port}_W"}
+    for number, link in ((1, wiring.link1), (2, wiring.link2)):
+        if link is not None:
+            columns[f"P{link}"] = f"P_link{number}_W"
+    return columns
+
+
+def _value(reading: Reading | None) -> float:
+    return reading.value if reading is not None and reading.good else math.nan

@@ -1,0 +1,86 @@
+"""What a running campaign tells those who watch: where it is, how far off the simulation is, time left."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from bench.plan import PlannedPoint
+from drivers.clock import Clock
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """One moment of a campaign; efficiencies are fractions, times on the bench's clock."""
+
+    done: int
+    total: int
+    row: PlannedPoint | None = None
+    said: str = ""
+    measured: float | None = None
+    predicted: float | None = None
+    mean_residual: float | None = None  # running mean of measured - simulated efficiency
+    left_s: float | None = None
+
+    @property
+    def residual(self) -> float | None:
+        """Measured - simulated efficiency of the point just measured."""
+        if self.measured is None or self.predicted is None:
+            return None
+        return self.measured - self.predicted
+
+
+def silent(_: Progress) -> None:
+    """Watch nothing."""
+
+
+class Tracker:
+    """Counts points and residuals, and reports them."""
+
+    def __init__(
+        self, rows: Sequence[PlannedPoint], clock: Clock, report: Callable[[Progress], None]
+    ) -> None:
+        self._total, self._clock, self._report = len(rows), clock, report
+        self._first_s: float | None = None
+        self._residuals: list[float] = []
+        self.accepted = self.rejected = 0
+
+    @property
+    def done(self) -> int:
+        """Rows measured so far."""
+        return self.accepted + self.rejected
+
+    def say(self, what: str) -> None:
+        """Something other than a point."""
+        self._report(Progress(done=self.done, total=self._total, said=what))
+
+    def begin(self, row: PlannedPoint) -> None:
+        """A point is about to be set."""
+        if self._first_s is None:
+            self._first_s = self._clock.now()
+        self._report(Progress(done=self.done, total=self._total, row=row, left_s=self._left_s()))
+
+    def finish(
+        self, row: PlannedPoint, reason: str | None, *, measured: float | None, predicted: float
+    ) -> None:
+        """A point was accepted, or rejected for ``reason``."""
+        self.accepted += reason is None
+        self.rejected += reason is not None
+        known = measured is not None and predicted == predicted
+        if known and reason is None and measured is not None:
+            self._residuals.append(measured - predicted)
+        self._report(
+            Progress(
+                done=self.done,
+                total=self._total,
+                row=row,
+                said=f"rejected: {reason}" if reason else "accepted",
+                measured=measured,
+                predicted=predicted if known else None,
+                mean_residual=sum(self._residuals) / len(self._residuals) if self._residuals else None,
+                left_s=self._left_s(),
+            )
+        )
+
+    def _left_s(self) -> float | None:
+        if not self.done or self._first_s is None:
+            return None
+        return (self._clock.now() - self._first_s) / self.done * (self._total - self.done)

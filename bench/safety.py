@@ -1,0 +1,139 @@
+"""Safety as pure functions of what is known, and the ordered way to a bench that is off.
+
+Silence is a fault: a guarded quantity without a reading is as unsafe as one above its limit.
+Power goes off in the order PWM, load, supply; each step is seen off by reading it back, is tried twice,
+and never keeps the next one from being tried.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from bench.config import ConverterConfig, LimitsConfig
+
+ATTEMPTS = 2
+UNDERVOLTAGE = "output_undervoltage"  # what the controller reports when it cannot hold the output
+COLLAPSED = 0.5  # of the target: below this the output voltage is gone, not merely off its target
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Upper limits by column of the measurement table, and the output voltage that is to be held."""
+
+    upper: Mapping[str, float]
+    output_voltage_V: float
+
+    @classmethod
+    def of(cls, limits: LimitsConfig, converter: ConverterConfig) -> "Limits":
+        """The limits of a bench."""
+        return cls(
+            upper={
+                "V1_V": limits.voltage_V,
+                "I1_A": limits.current_A,
+                "P1_W": limits.power_W,
+                "V2_V": limits.output_voltage_V,
+                "T_heatsink_C": limits.heatsink_C,
+                "T_transformer_C": limits.winding_C,
+                "T_inductor_C": limits.winding_C,
+            },
+            output_voltage_V=converter.output_voltage_V,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """What is known of the bench at one moment: columns of the measurement table, and reported states."""
+
+    values: Mapping[str, float]
+    faults: tuple[str, ...] = ()
+    pwm_on: bool = False
+    pwm_expected: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """Whether to go on; every reason against it, and whether they all are a lost output voltage."""
+
+    reasons: tuple[str, ...] = ()
+    output_lost: bool = False
+
+    @property
+    def safe(self) -> bool:
+        """True when nothing speaks against going on."""
+        return not self.reasons
+
+
+def decide(limits: Limits, readings: Readings) -> Decision:
+    """Judge one moment. Pure: the same limits and readings give the same decision.
+
+    >>> limits = Limits(upper={"V1_V": 320.0}, output_voltage_V=140.0)
+    >>> decide(limits, Readings(values={"V1_V": 331.5})).reasons
+    ('V1_V = 331.5 is above its limit 320',)
+    >>> decide(limits, Readings(values={})).reasons
+    ('V1_V has no reading',)
+    """
+    reasons = [reason for name, limit in limits.upper.items() if (reason := _above(name, limit, readings))]
+    reasons += [f"fault reported: {fault}" for fault in readings.faults if fault != UNDERVOLTAGE]
+    if readings.pwm_on and not readings.pwm_expected:
+        reasons.append("the PWM is on and should be off")
+    lost = _output_lost(limits, readings) if readings.pwm_expected else []
+    if readings.pwm_expected and not readings.pwm_on:
+        (lost if lost else reasons).append("the PWM is off and should be on")
+    return Decision(reasons=(*reasons, *lost), output_lost=bool(lost) and not reasons)
+
+
+def _output_lost(limits: Limits, readings: Readings) -> list[str]:
+    """Signs that the converter cannot hold its output, where it should."""
+    signs = [f"fault reported: {UNDERVOLTAGE}"] if UNDERVOLTAGE in readings.faults else []
+    output_V = readings.values.get("V2_V", math.nan)
+    if readings.pwm_on and output_V < COLLAPSED * limits.output_voltage_V:
+        signs.append(f"V2_V = {output_V:g} has collapsed (target {limits.output_voltage_V:g})")
+    return signs
+
+
+def _above(name: str, limit: float, readings: Readings) -> str | None:
+    value = readings.values.get(name, math.nan)
+    if math.isnan(value):
+        return f"{name} has no reading"
+    return f"{name} = {value:g} is above its limit {limit:g}" if value > limit else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepReport:
+    """How one step of the power-off went."""
+
+    step: str
+    confirmed: bool
+    said: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerOffReport:
+    """How the whole power-off went."""
+
+    steps: tuple[StepReport, ...]
+
+    @property
+    def safe(self) -> bool:
+        """True only when every step was seen off."""
+        return all(step.confirmed for step in self.steps)
+
+    def __str__(self) -> str:
+        return "; ".join(f"{step.step} {step.said}" for step in self.steps)
+
+
+def power_off(steps: Sequence[tuple[str, Callable[[], None]]]) -> PowerOffReport:
+    """Run every step; each returns only when its part was seen off, and raises otherwise."""
+    return PowerOffReport(steps=tuple(_attempt(name, step) for name, step in steps))
+
+
+def _attempt(name: str, step: Callable[[], None]) -> StepReport:
+    said = ""
+    for _ in range(ATTEMPTS):
+        try:
+            step()
+        except Exception as error:  # noqa: BLE001  the safety layer: whatever failed, the next step is tried
+            said = f"NOT confirmed off: {error}"
+        else:
+            return StepReport(step=name, confirmed=True, said="off")
+    return StepReport(step=name, confirmed=False, said=said)

@@ -1,0 +1,41 @@
+"""Tables of numbers as files: CSV or Parquet, by the file's ending."""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+
+from bench.errors import InputError
+
+ENDINGS = (".csv", ".parquet")
+
+
+def check_ending(path: Path, option: str = "--out") -> None:
+    """InputError for a file name that is neither CSV nor Parquet."""
+    if path.suffix not in ENDINGS:
+        raise InputError.of("command line", option, str(path), f"the name must end in {' or '.join(ENDINGS)}")
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Write ``table`` in one step; a number read back is the number written."""
+    check_ending(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
+    os.close(handle)
+    try:
+        if path.suffix == ".csv":
+            table.to_csv(name, index=False)
+        else:
+            table.to_parquet(name, index=False)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

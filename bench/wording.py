@@ -1,0 +1,160 @@
+"""How numbers and verdicts are said to people: one place for units, rounding and plain words."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeGuard
+
+_UNITS = {
+    "Ohm": "Ω", "W": "W", "V": "V", "A": "A", "H": "H", "s": "s", "C": "°C", "K": "K",
+    "F": "F", "J": "J", "Hz": "Hz", "K_per_h": "K/h",
+}  # fmt: skip
+_PREFIXED = ("Ω", "H", "s", "F", "J")  # units that bench people say with a prefix
+_PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
+
+MODEL_NAMES = {
+    "simulation_only": "Simulation only",
+    "experiment_only": "Experiment only",
+    "d2ea": "D²EA (two-stage trees)",
+    "simulator_first_stage": "Simulator as first stage",
+    "calibrated": "Calibrated physics",
+}
+
+VERDICTS = {
+    "consistent": "Simulation and measurement agree",
+    "named": "Cause named",
+    "group": "One cause of a tied group",
+    "unknown": "Something is wrong that no known cause explains",
+}
+
+
+def effect_name(name: str) -> str:
+    """An effect's name as words.
+
+    >>> effect_name("turn_off_energy_primary"), effect_name("sic_on_resistance")
+    ('turn-off energy primary', 'SiC on-resistance')
+    """
+    for part, said in (("turn_off", "turn-off"), ("sic_on_", "SiC_on-"), ("igbt_", "IGBT_")):
+        name = name.replace(part, said)
+    return name.replace("_", " ")
+
+
+def points_text(fraction: float | None, digits: int = 3) -> str:
+    """An efficiency difference as points: 0.0121 is 1.210 points.
+
+    >>> points_text(0.0121)
+    '1.210'
+    """
+    return f"{100 * fraction:.{digits}f}" if _known(fraction) else "–"
+
+
+def per_cent(fraction: float | None, digits: int = 1) -> str:
+    """A share or efficiency as per cent.
+
+    >>> per_cent(0.9845, 2)
+    '98.45 %'
+    """
+    return f"{100 * fraction:.{digits}f} %" if _known(fraction) else "–"
+
+
+def fixed(value: float | None, digits: int = 1) -> str:
+    """A number to so many decimals.
+
+    >>> fixed(8.23), fixed(None)
+    ('8.2', '–')
+    """
+    return f"{value:.{digits}f}" if _known(value) else "–"
+
+
+def duration(seconds: float | None) -> str:
+    """A time as people say it.
+
+    >>> [duration(s) for s in (0.42, 12.3, 114.7, 4000)]
+    ['0.42 s', '12.3 s', '1 min 55 s', '1 h 6 min']
+    """
+    if not _known(seconds):
+        return "–"
+    if seconds < 60:
+        return f"{seconds:.3g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def unit_of(column: str) -> str:
+    """The unit that a name ends in; empty for a dimensionless one.
+
+    >>> unit_of("T_heatsink_C"), unit_of("I_L_rms_A"), unit_of("D0")
+    ('°C', 'A', '')
+    """
+    return next((text for end, text in _UNITS.items() if column.endswith("_" + end)), "")
+
+
+def parameter_text(parameter: Mapping[str, Any]) -> str:
+    """A fitted parameter with its unit and 95 % interval.
+
+    >>> parameter_text({"name": "resistance_Ohm", "value": 0.071, "ci95": [0.066, 0.077], "off": 0.0})
+    'resistance 71 mΩ (95 %: 66 to 77)'
+    >>> parameter_text({"name": "relative_error", "value": 0.4, "ci95": [0.35, 0.45]})
+    'relative error +40 % (95 %: +35 to +45)'
+    """
+    name, value = str(parameter["name"]), float(parameter["value"])
+    unit = unit_of(name)
+    label = next((name.removesuffix("_" + end) for end in _UNITS if name.endswith("_" + end)), name)
+    bounds = [float(x) for x in parameter.get("ci95") or ()]
+    if not unit:
+        scale, sign, unit = (100.0, "+", " %") if name.startswith(("relative", "extra")) else (1.0, "", "")
+    else:
+        scale, prefix = _prefix(value if value else max(map(abs, bounds), default=0.0), unit)
+        sign, unit = "", f" {prefix}{unit}"
+    said = f"{label.replace('_', ' ')} {value * scale:{sign}.3g}{unit}"
+    if len(bounds) != 2:
+        return said
+    low, high = (f"{bound * scale:{sign}.3g}" for bound in bounds)
+    return f"{said} (95 %: {low} to {high})"
+
+
+def counted(count: int, thing: str) -> str:
+    """A number of things.
+
+    >>> counted(1, "row"), counted(3, "row")
+    ('1 row', '3 rows')
+    """
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
+
+
+def join(words: Sequence[str], last: str = "and") -> str:
+    """A list in a sentence.
+
+    >>> join(["a", "b", "c"])
+    'a, b and c'
+    """
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
+
+
+def probable_causes(diagnosis: Mapping[str, Any], least: float) -> list[Mapping[str, Any]]:
+    """The causes of at least this probability, the most probable first."""
+    causes = [cause for cause in diagnosis.get("causes") or () if float(cause["probability"]) >= least]
+    return sorted(causes, key=lambda cause: -float(cause["probability"]))
+
+
+def verdict_text(diagnosis: Mapping[str, Any]) -> str:
+    """The verdict as one headline."""
+    verdict = str(diagnosis.get("verdict", "unknown"))
+    causes = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.5)]
+    if verdict == "named" and causes:
+        return f"Cause named: {join([effect_name(name) for name in causes])}"
+    if verdict == "group":
+        tied = next(iter(diagnosis.get("groups") or [causes]), causes)
+        return f"{join([effect_name(n) for n in tied], 'or')}: these data cannot tell which"
+    return VERDICTS.get(verdict, verdict)
+
+
+def _prefix(value: float, unit: str) -> tuple[float, str]:
+    if unit not in _PREFIXED or value == 0:
+        return 1.0, ""
+    size, prefix = next(((s, p) for s, p in _PREFIXES if abs(value) >= 0.999 * s), _PREFIXES[-1])
+    return 1 / size, prefix
+
+
+def _known(value: object) -> TypeGuard[float]:
+    """Whether there is a number to say; a key that a summary lacks is none."""
+    return isinstance(value, int | float) and math.isfinite(value)

@@ -1,0 +1,244 @@
+"""``diagnose(measurements)``: what the simulation gets wrong, why, how sure, and what it is worth to know."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from models.calibrated import CalibratedPhysics, calibrate
+from models.dataset import Measurements
+from models.diagnosis.covariance import Whitener, covariances
+from models.diagnosis.evidence import Fit, Refinery, posterior
+from models.diagnosis.gain import Gain, held_out_gain
+from models.diagnosis.next_measurement import NextMeasurement, next_measurements
+from models.diagnosis.noise import ChannelNoise, estimate_noise
+from models.diagnosis.observations import Observations, observe
+from models.diagnosis.signatures import signatures
+from models.diagnosis.verdict import SURE, Cause, Verdict, judge
+from sim.effects.catalogue import CATALOGUE, effect
+from sim.model import Model
+
+Array = NDArray[np.float64]
+
+LEAST_ROWS = 12
+_Z95 = 1.96
+
+
+class TooFewPoints(ValueError):
+    """A measurement table too small to say anything; the message says how many rows are needed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """The verdict with everything that it rests on."""
+
+    verdict: Verdict
+    observations: Observations
+    baseline: Model
+    residual: Array
+    noise: list[ChannelNoise]
+    gap: dict[str, Any]
+    share: dict[str, float]
+    gain: Gain | None
+    next: list[NextMeasurement]
+    extended: Model
+    calibrated: CalibratedPhysics
+    rejected: list[dict[str, Any]]
+
+    def residual_table(self) -> pd.DataFrame:
+        """Measured less simulated by row: the rows' set points and one column a channel."""
+        columns = [c for c in ("point", "kind", "time_s", "D1", "D2", "P2_W") if c in self.observations.frame]
+        table = self.observations.frame[columns].copy()
+        for k, channel in enumerate(self.observations.channels):
+            mask = self.observations.channel == k
+            table[f"residual_{channel.column}"] = np.nan
+            rows = self.observations.row[mask]
+            table.iloc[rows, table.columns.get_loc(f"residual_{channel.column}")] = self.residual[mask]  # type: ignore[index]
+        return table
+
+    def as_plain(self, model_file: str | None = None) -> dict[str, Any]:
+        """The JSON answer, schema 1."""
+        v = self.verdict
+        return {
+            "schema": 1,
+            "verdict": v.kind,
+            "points": int(self.observations.loaded.sum()),
+            "channels": [c.name for c in self.observations.channels],
+            "gap": self.gap,
+            "consistent": {"probability": v.consistent_probability},
+            "causes": [self._cause(c) for c in v.causes],
+            "groups": [list(g) for g in v.groups],
+            "unknown": {"probability": v.unknown_probability, "formula": None},
+            "next": [n.as_plain() for n in self.next],
+            "gain": None if self.gain is None else self.gain.as_plain(),
+            "model": model_file,
+            "noise": {n.channel: n.as_plain() for n in self.noise},
+            "rejected_rows": self.rejected,
+        }
+
+    def _cause(self, cause: Cause) -> dict[str, Any]:
+        signature = cause.fit.signature
+        assert signature is not None
+        entry, half = signature.entry, _Z95 * cause.fit.sigma
+        head = entry.headline
+        parameters: list[dict[str, Any]] = [
+            {
+                "name": head.name,
+                "unit": head.unit,
+                "value": cause.fit.value,
+                "ci95": [max(cause.fit.value - half, head.lower), min(cause.fit.value + half, head.upper)],
+                "off": head.off,
+            }
+        ]
+        for p in entry.parameters[1:]:
+            value = signature.other.get(p.name, p.off)
+            parameters.append({"name": p.name, "unit": p.unit, "value": value, "ci95": None, "off": p.off})
+        return {
+            "effect": cause.effect,
+            "probability": cause.probability,
+            "share_of_gap": self.share.get(cause.effect),
+            "parameters": parameters,
+            "tied_with": list(cause.tied_with),
+            "says": entry.says,
+            "check": entry.check_on_bench,
+        }
+
+
+def _gap(observations: Observations, residual: Array) -> dict[str, Any]:
+    """How far the simulation is off in efficiency and watts, and where it is worst."""
+    judged = observations.of("efficiency") & observations.loaded[observations.row]
+    row, watts = observations.row[judged], residual[judged]
+    power = np.asarray(observations.points.power_W)[row]
+    measured = observations.value[judged]
+    efficiency = power / measured - power / (measured - watts)
+    worst = int(np.argmax(np.abs(efficiency)))
+    frame = observations.frame.iloc[row[worst]]
+    return {
+        "mean_abs_efficiency": float(np.mean(np.abs(efficiency))),
+        "mean_loss_W": float(np.mean(watts)),
+        "worst": {
+            "efficiency": float(efficiency[worst]),
+            "loss_W": float(watts[worst]),
+            "D1": float(frame["D1"]),
+            "D2": float(frame["D2"]),
+            "P2_W": float(frame["P2_W"]),
+        },
+    }
+
+
+def _share_of_gap(observations: Observations, residual: Array, fit: Fit) -> float:
+    """How much of the mean absolute gap in watts the fit's shift takes away."""
+    judged = observations.of("efficiency") & observations.loaded[observations.row]
+    before = float(np.mean(np.abs(residual[judged])))
+    after = float(np.mean(np.abs((residual - fit.shift)[judged])))
+    return float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 0.0
+
+
+def _extended(baseline: Model, verdict: Verdict) -> Model:
+    """Baseline and the named effect; of a group, its most probable member."""
+    if verdict.kind not in ("named", "group"):
+        return baseline
+    signature = verdict.causes[0].fit.signature
+    assert signature is not None
+    return baseline.with_effect(signature.effect, **signature.values(verdict.causes[0].fit.value))
+
+
+def _edge_rows(observations: Observations, kept: NDArray[np.bool_]) -> list[dict[str, Any]]:
+    """Rows of which no reading can be used, with the reason."""
+    lost = np.setdiff1d(observations.row[~kept], observations.row[kept])
+    return [
+        {
+            "row": int(row) + 1,
+            "column": "P2_W",
+            "value": float(observations.frame.iloc[row]["P2_W"]),
+            "reason": "within 12 % of the most that D1 and D2 can carry, or above it: D0 answers there to everything "
+            "at once, so nothing can be told apart",
+        }
+        for row in lost
+    ]
+
+
+def diagnose(
+    measurements: Measurements,
+    baseline: Model | None = None,
+    *,
+    without: Collection[str] = (),
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda said: None,
+) -> Diagnosis:
+    """Diagnose a measurement table against a simulation model.
+
+    Parameters
+    ----------
+    measurements : Measurements
+        At least twelve usable rows that carry power.
+    baseline : Model, optional
+        What the measurements are compared with; the prototype by default.
+    without : names of effects
+        Left out of the catalogue: what they do must then come out as unknown.
+
+    Raises
+    ------
+    TooFewPoints
+        Too few rows to say anything.
+    ParameterError
+        ``without`` names an effect that the catalogue does not have.
+    """
+    baseline = baseline or Model.baseline()
+    left_out = frozenset(effect(name).name for name in without)
+    observations = observe(measurements.frame)
+    if int(observations.loaded.sum()) < LEAST_ROWS:
+        raise TooFewPoints(
+            f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
+        )
+    progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
+    known = signatures(observations, baseline, left_out)
+    kept = known.finite()
+    rejected = _edge_rows(observations, kept)
+    observations, known = observations.take(kept), known.take(kept)
+    usable = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
+    if usable < LEAST_ROWS:
+        raise TooFewPoints(
+            f"{usable} rows that the model can carry with some power to spare; a diagnosis needs at least "
+            f"{LEAST_ROWS}. Is the model file that of this converter?"
+        )
+    residual = observations.value - known.baseline
+    noise = estimate_noise(observations, residual)
+    covariance = covariances(observations, noise, known)
+    refinery = Refinery(
+        known=known, observations=observations, baseline=baseline, whitener=Whitener.of(covariance.plain)
+    )
+    progress("weighing the causes")
+    hypotheses = posterior(refinery, covariance)
+    verdict = judge(hypotheses, refinery.whitener)
+    leading = verdict.causes[0].fit if verdict.causes else None
+    chosen = hypotheses[0].fit if leading is None or verdict.kind in ("consistent", "unknown") else leading
+    gain = None
+    if verdict.kind in ("named", "group") and leading is not None:
+        rivals = [c.fit for c in verdict.causes[1:] if c.effect not in verdict.causes[0].tied_with]
+        rivals = rivals or [h.fit for h in hypotheses if h.fit.effect not in ("nothing", leading.effect)][:1]
+        progress("holding out bands of power")
+        gain = held_out_gain(observations, known, covariance, leading, rivals[0] if rivals else None, seed)
+    return Diagnosis(
+        verdict=verdict,
+        observations=observations,
+        baseline=baseline,
+        residual=residual,
+        noise=noise,
+        gap=_gap(observations, residual),
+        share={c.effect: _share_of_gap(observations, residual, c.fit) for c in verdict.causes},
+        gain=gain,
+        next=[]
+        if verdict.causes and verdict.causes[0].probability >= SURE
+        else next_measurements(observations, baseline, verdict.causes),
+        extended=_extended(baseline, verdict),
+        calibrated=calibrate(refinery, chosen, noise),
+        rejected=[*map(_plain_row, measurements.rejected), *rejected],
+    )
+
+
+def _plain_row(row: Any) -> dict[str, Any]:
+    return {"row": row.row, "column": row.column, "value": row.value, "reason": row.reason}

@@ -1,0 +1,231 @@
+r"""Evidence: how well each hypothesis explains the residuals, against its own complexity.
+
+A hypothesis is "nothing" or one effect, each without or with a smooth leftover. An effect's value has the prior
+N(off, prior^2); with signature s the marginal likelihood is closed (Bishop, 2006, section 3.5.1): for residual r and
+covariance C, with :math:`d^2 = s^T C^{-1} s` and :math:`b = s^T C^{-1} r`,
+
+.. math:: \ln \frac{p(r | effect)}{p(r | nothing)} = \frac{b^2}{2 (d^2 + 1/\tau^2)} - \frac12 \ln(1 + \tau^2 d^2).
+
+That screens the catalogue. Then every hypothesis, nothing included, is simulated at its fitted value and at the
+most probable state of all everyday spreads under it, until it stands still (Gauss-Newton); its evidence is
+Laplace's at that point.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.covariance import Covariances, Whitener
+from models.diagnosis.observations import Observations
+from models.diagnosis.signatures import Signature, Signatures
+from sim.effects.base import EffectParameter
+from sim.model import Model
+
+Array = NDArray[np.float64]
+
+AMPLITUDES_W = (0.5, 1.5, 5.0)  # of a leftover, where there is one
+_CONSISTENT, _LEFTOVER = 0.5, 0.2  # prior probabilities
+_LEADING = 8  # candidates that are followed to the end
+_BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
+_ROUNDS = 5
+_STILL = 0.05  # of the value's standard deviation
+_WITHIN = 3.0  # sigmas that a spread may take
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """One hypothesis fitted: nothing (``signature`` None) or an effect's value with its standard deviation.
+
+    ``shift`` (M,) is what it adds to the baseline's prediction, beside the linear part of the spreads;
+    ``slope`` (M,) its change per unit of the value; ``log_evidence`` counts against the bare baseline.
+    """
+
+    signature: Signature | None
+    value: float
+    sigma: float
+    log_evidence: float
+    shift: Array
+    slope: Array
+
+    @property
+    def effect(self) -> str:
+        """The effect's name, or "nothing"."""
+        return "nothing" if self.signature is None else self.signature.effect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypothesis:
+    """A fit with or without leftover, and its posterior probability."""
+
+    fit: Fit
+    leftover_W: float
+    probability: float
+
+
+def _within(head: EffectParameter, value: float) -> float:
+    return float(np.clip(value, head.lower, head.upper))
+
+
+def _screened(signature: Signature, residual: Array, whitener: Whitener) -> Fit:
+    """The closed form for one signature."""
+    head = signature.entry.headline
+    weighted = whitener.solve(signature.slope)
+    d2, b = float(signature.slope @ weighted), float(weighted @ residual)
+    precision = d2 + 1 / head.prior**2
+    value = _within(head, head.off + float(np.clip(b / precision, -head.prior, head.prior)))
+    return Fit(
+        signature=signature,
+        value=value,
+        sigma=float(1 / np.sqrt(precision)),
+        log_evidence=0.5 * b**2 / precision - 0.5 * float(np.log1p(head.prior**2 * d2)),
+        shift=signature.slope * (value - head.off),
+        slope=signature.slope,
+    )
+
+
+def _laplace(fit: Fit, residual: Array, whitener: Whitener) -> tuple[Fit, float]:
+    """The fit with Laplace's evidence at its shift, and the Gauss-Newton step of its value from there."""
+    left = residual - fit.shift
+    weighted = whitener.solve(np.stack([fit.slope, left, residual], axis=1))
+    misfit = float(left @ weighted[:, 1]) - float(residual @ weighted[:, 2])
+    if fit.signature is None:
+        return replace(fit, log_evidence=-0.5 * misfit), 0.0
+    head = fit.signature.entry.headline
+    away = (fit.value - head.off) / head.prior
+    precision = float(fit.slope @ weighted[:, 0]) + 1 / head.prior**2
+    step = (float(fit.slope @ weighted[:, 1]) - away / head.prior) / precision
+    gained = 0.5 * min(precision * step**2, 1.0)  # what a last, small step still gains
+    evidence = -0.5 * (misfit + away**2) - 0.5 * float(np.log(head.prior**2 * precision)) + gained
+    return replace(fit, sigma=float(1 / np.sqrt(precision)), log_evidence=evidence), step
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refinery:
+    """Simulates hypotheses at their fitted values and spreads."""
+
+    known: Signatures
+    observations: Observations
+    baseline: Model
+    whitener: Whitener
+
+    @property
+    def residual(self) -> Array:
+        """Readings less the baseline's prediction, (M,)."""
+        return self.observations.value - self.known.baseline
+
+    def spreads(self, fit: Fit) -> Array:
+        """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
+        all_of_them = self.known.spreads @ self.whitener.solve(self.residual - fit.shift)
+        return np.clip(all_of_them[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
+
+    def model(self, fit: Fit, spreads: Array, more: float = 0.0) -> Model:
+        """The baseline with these spreads and the fit's effect, its value moved by ``more``."""
+        converter = self.baseline.converter
+        for entry, sigmas in zip(self.known.spread_entries, spreads, strict=True):
+            converter = entry.shifted(converter, float(sigmas))
+        model = Model(converter=converter, effects=self.baseline.effects)
+        if fit.signature is None:
+            return model
+        return model.with_effect(fit.effect, **fit.signature.values(fit.value + more))
+
+    def simulated(self, fits: list[Fit], *, slopes: bool) -> list[Fit]:
+        """Every fit with its shift (and slope) from the simulator; where that has no answer, the old one stays."""
+        models, steps, states = [], [], [self.spreads(fit) for fit in fits]
+        for fit, state in zip(fits, states, strict=True):
+            models.append(self.model(fit, state))
+            steps.append(_beside(fit) if slopes else 0.0)
+            if steps[-1] != 0.0:
+                models.append(self.model(fit, state, steps[-1]))
+        seen = iter(self.observations.simulate(models))
+        moved = []
+        for fit, step, state in zip(fits, steps, states, strict=True):
+            linear = state @ self.known.spreads[: state.size]
+            here = next(seen)
+            shift = here - linear - self.known.baseline
+            shift = np.where(np.isfinite(shift), shift, fit.shift)
+            slope = (next(seen) - here) / step if step != 0.0 else fit.slope
+            moved.append(replace(fit, shift=shift, slope=np.where(np.isfinite(slope), slope, fit.slope)))
+        return moved
+
+    def followed(self, fits: list[Fit]) -> list[Fit]:
+        """Gauss-Newton until all stand still."""
+        for _ in range(_ROUNDS):
+            pairs = [_laplace(fit, self.residual, self.whitener) for fit in self.simulated(fits, slopes=True)]
+            still = all(abs(step) <= _STILL * fit.sigma for fit, step in pairs)
+            fits = [fit if still else _moved(fit, step) for fit, step in pairs]
+            if still:
+                break
+        return fits
+
+
+def _beside(fit: Fit) -> float:
+    """A step of the value for its slope; 0 where the effect has none or is not smooth."""
+    if fit.signature is None or fit.signature.entry.threshold:
+        return 0.0
+    head = fit.signature.entry.headline
+    step = 0.05 * max(abs(fit.value - head.off), head.tolerance, 0.02 * head.prior)
+    return step if fit.value + step <= head.upper else -step
+
+
+def _moved(fit: Fit, step: float) -> Fit:
+    if fit.signature is None:
+        return fit
+    head = fit.signature.entry.headline
+    value = _within(head, fit.value + float(np.clip(step, -0.7 * head.prior, 0.7 * head.prior)))
+    return replace(fit, value=value, shift=fit.shift + fit.slope * (value - fit.value))
+
+
+def _best_variants(fits: list[Fit]) -> list[Fit]:
+    """One fit an effect: its best variant, with the evidence averaged over the variants tried."""
+    found: dict[str, list[Fit]] = {}
+    for fit in fits:
+        found.setdefault(fit.effect, []).append(fit)
+    best = []
+    for variants in found.values():
+        evidence = np.array([f.log_evidence for f in variants])
+        mean = float(np.logaddexp.reduce(evidence) - np.log(evidence.size))
+        best.append(replace(variants[int(np.argmax(evidence))], log_evidence=mean))
+    return best
+
+
+def fitted(refinery: Refinery) -> tuple[Fit, list[Fit]]:
+    """Nothing, and every effect alone, best first; all were simulated once, the leading ones to the end."""
+    residual, whitener = refinery.residual, refinery.whitener
+    still = np.zeros_like(residual)
+    nothing = Fit(signature=None, value=0.0, sigma=0.0, log_evidence=0.0, shift=still, slope=still)
+    (nothing,) = refinery.followed([nothing])
+    screened = [_screened(s, residual - nothing.shift, whitener) for s in refinery.known.effects]
+    once = refinery.simulated(_best_variants(screened), slopes=False)
+    once = sorted((_laplace(fit, residual, whitener)[0] for fit in once), key=lambda f: -f.log_evidence)
+    behind = once[0].log_evidence - max(_BEHIND, 0.3 * abs(once[0].log_evidence))
+    leading = [fit for fit in once[:_LEADING] if fit.log_evidence > behind]
+    rest = once[len(leading) :]
+    return nothing, sorted([*refinery.followed(leading), *rest], key=lambda f: -f.log_evidence)
+
+
+def log_likelihood(residual: Array, whitener: Whitener) -> float:
+    """Gaussian log likelihood of the residuals, up to the constant that all share."""
+    return -0.5 * float(residual @ whitener.solve(residual)) - 0.5 * whitener.log_determinant
+
+
+def posterior(refinery: Refinery, covariance: Covariances) -> list[Hypothesis]:
+    """Every hypothesis with its probability, the most probable first."""
+    nothing, effects = fitted(refinery)
+    each = (1 - _CONSISTENT) / len(effects)
+    weights: list[tuple[Fit, float, float]] = []
+    for amplitude in (0.0, *AMPLITUDES_W):
+        share = 1 - _LEFTOVER if amplitude == 0.0 else _LEFTOVER / len(AMPLITUDES_W)
+        whitener = (
+            refinery.whitener if amplitude == 0.0 else Whitener.of(covariance.with_leftover(amplitude))
+        )
+        base = log_likelihood(refinery.residual, whitener) + float(np.log(share))
+        for fit, prior in [(nothing, _CONSISTENT), *((fit, each) for fit in effects)]:
+            weighed = fit if amplitude == 0.0 else _laplace(fit, refinery.residual, whitener)[0]
+            weights.append((weighed, amplitude, base + float(np.log(prior)) + weighed.log_evidence))
+    log = np.array([w for _, _, w in weights])
+    probability = np.exp(log - np.logaddexp.reduce(log))
+    return [
+        Hypothesis(fit=weights[k][0], leftover_W=weights[k][1], probability=float(probability[k]))
+        for k in np.argsort(-probability)
+    ]

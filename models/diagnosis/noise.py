@@ -1,0 +1,108 @@
+"""Noise of each channel from replicates: rows at one set point, whatever else they are.
+
+Replicates in time order are differenced before they are squared (von Neumann, 1941), so that a drift does not
+pass for noise. With few of them the estimate is uncertain; the least credible value, times a factor for that,
+is the floor of each channel.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.observations import Observations
+
+Array = NDArray[np.float64]
+
+_PROPORTIONAL = {"efficiency", "P_link1_W", "P_link2_W", "I_L_rms_A"}
+_WITHOUT_REPLICATES = {"efficiency": 1.5e-4, "P_link1_W": 5e-4, "P_link2_W": 5e-4, "I_L_rms_A": 5e-4}
+_NEEDED = 4  # differences below which replicates say nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelNoise:
+    """Noise of one channel: relative to the reading's power where ``proportional``, else in its unit."""
+
+    channel: str
+    sigma: float
+    proportional: bool
+    differences: int
+    excess_kurtosis: float
+    autocorrelation: float
+
+    def as_plain(self) -> dict[str, object]:
+        """For the JSON answer."""
+        return {
+            "sigma": self.sigma,
+            "relative": self.proportional,
+            "from_replicates": self.differences,
+            "excess_kurtosis": self.excess_kurtosis,
+            "autocorrelation": self.autocorrelation,
+        }
+
+
+def _groups(observations: Observations) -> list[NDArray[np.intp]]:
+    """Rows of the frame that share a set point, in time order, at least two each."""
+    frame = observations.frame
+    power = frame["P_set_W"] if "P_set_W" in frame else frame["P2_W"].round(0)
+    keys = [frame["kind"].replace("reference", "load"), frame["D1"].round(6), frame["D2"].round(6), power]
+    order = frame["time_s"] if "time_s" in frame else frame.index.to_series()
+    grouped = frame.assign(_order=order).groupby(keys, dropna=False)
+    return [g.sort_values("_order").index.to_numpy() for _, g in grouped if len(g) > 1]
+
+
+def _differences(observations: Observations, residual: Array, name: str, groups: list[NDArray[np.intp]]) -> Array:
+    """Scaled differences of successive replicates' residuals, one sigma of noise each."""
+    mask = observations.of(name)
+    by_row = np.full(len(observations.frame), np.nan)
+    by_row[observations.row[mask]] = residual[mask] / scale_of(observations, name)[mask]
+    steps = [np.diff(by_row[g[observations.loaded[g]]]) / np.sqrt(2) for g in groups]
+    joined = np.concatenate(steps) if steps else np.empty(0)
+    return joined[np.isfinite(joined)]
+
+
+def scale_of(observations: Observations, name: str) -> Array:
+    """What the noise of a channel is proportional to, per reading (M,); 1 where it is not proportional."""
+    if name not in _PROPORTIONAL:
+        return np.ones(observations.value.size)
+    if name == "I_L_rms_A":
+        return np.maximum(np.abs(observations.value), 0.1)
+    return np.maximum(np.asarray(observations.points.power_W)[observations.row], 20.0)
+
+
+def estimate_noise(observations: Observations, residual: Array) -> list[ChannelNoise]:
+    """The noise of every channel present, from the residuals (M,) of the baseline."""
+    groups = _groups(observations)
+    found = []
+    for channel in observations.channels:
+        steps = _differences(observations, residual, channel.name, groups)
+        floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
+        n = steps.size
+        if n >= _NEEDED:
+            spread = float(np.sqrt(np.mean(steps**2)))
+            sigma = max(spread * (1 + 0.7 / np.sqrt(n)), floor)  # the upper side of a chi-squared estimate
+            kurtosis = float(np.mean(steps**4) / max(np.mean(steps**2) ** 2, 1e-300) - 3.0)
+            paired = float(np.sum(steps[1:] * steps[:-1]) / max(np.sum(steps**2), 1e-300))
+        else:
+            sigma, kurtosis, paired = _WITHOUT_REPLICATES.get(channel.name, 2 * channel.floor), 0.0, -0.5
+        found.append(
+            ChannelNoise(
+                channel=channel.name,
+                sigma=sigma,
+                proportional=channel.name in _PROPORTIONAL,
+                differences=n,
+                excess_kurtosis=kurtosis,
+                # successive differences of white noise correlate by -1/2
+                autocorrelation=2 * (paired + 0.5),
+            )
+        )
+    return found
+
+
+def sigma_of(observations: Observations, noise: list[ChannelNoise]) -> Array:
+    """Standard deviation of every reading, (M,)."""
+    sigma = np.zeros(observations.value.size)
+    for entry, channel in zip(noise, observations.channels, strict=True):
+        mask = observations.of(entry.channel)
+        sigma[mask] = np.hypot(entry.sigma * scale_of(observations, entry.channel)[mask], channel.floor)
+    return sigma

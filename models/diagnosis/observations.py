@@ -1,0 +1,146 @@
+"""A campaign as one vector: every channel of every row, and what a model says of the same vector."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from sim.model import Model
+from sim.operating_points import Points
+from sim.simulate import Result, simulate_many
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """One measured quantity: its column, unit, the least noise to believe, and the model's own accuracy.
+
+    ``floor`` is the smallest standard deviation of one reading (resolution, unsettled heat). ``accuracy`` is
+    how well the simulation itself can be trusted where every part is known, one sigma, smooth over the
+    operating range: in the channel's unit, plus ``accuracy_of_loss`` of the loss.
+    """
+
+    name: str
+    column: str
+    unit: str
+    floor: float
+    accuracy: float
+    accuracy_of_loss: float = 0.0
+    watt: float = 1.0  # how much of the channel one watt of unmodelled loss moves, for the leftover
+
+
+CHANNELS: tuple[Channel, ...] = (
+    Channel(name="efficiency", column="P1_W", unit="W", floor=0.01, accuracy=0.05, accuracy_of_loss=0.006),
+    Channel(name="D0", column="D0", unit="Th", floor=1.5e-4, accuracy=3e-4, watt=5e-4),
+    Channel(name="I_L_rms_A", column="I_L_rms_A", unit="A", floor=1e-3, accuracy=4e-3, watt=3e-3),
+    Channel(name="P_link1_W", column="P_link1_W", unit="W", floor=0.05, accuracy=0.1, accuracy_of_loss=0.01),
+    Channel(name="P_link2_W", column="P_link2_W", unit="W", floor=0.05, accuracy=0.1, accuracy_of_loss=0.01),
+    Channel(name="T_heatsink_C", column="T_heatsink_C", unit="degC", floor=0.2, accuracy=0.2),
+    Channel(name="T_transformer_C", column="T_transformer_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
+    Channel(name="T_inductor_C", column="T_inductor_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
+)
+_BY_NAME = {channel.name: channel for channel in CHANNELS}
+_IN_STANDBY = {"efficiency"}
+_WITHOUT_LOAD = {"efficiency", "D0", "I_L_rms_A", "P_link1_W", "T_heatsink_C", "T_transformer_C", "T_inductor_C"}
+LOADED = ("load", "reference")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observations:
+    """M readings: ``channel`` (M,) indexes ``channels``, ``row`` (M,) the rows of ``frame``; ``value`` (M,)."""
+
+    frame: pd.DataFrame
+    points: Points
+    channels: tuple[Channel, ...]
+    channel: NDArray[np.intp]
+    row: NDArray[np.intp]
+    value: Array
+
+    def of(self, name: str) -> NDArray[np.bool_]:
+        """Mask (M,) of one channel's readings."""
+        return np.array([c.name == name for c in self.channels])[self.channel]
+
+    @property
+    def loaded(self) -> NDArray[np.bool_]:
+        """Mask over the frame's rows: those that carry power."""
+        return self.frame["kind"].isin(LOADED).to_numpy()
+
+    def take(self, readings: NDArray[np.bool_]) -> Self:
+        """Some of the readings; the frame keeps all its rows."""
+        return replace(
+            self,
+            channel=self.channel[readings],
+            row=self.row[readings],
+            value=self.value[readings],
+        )
+
+    def predicted(self, result: Result, row: NDArray[np.intp] | None = None) -> Array:
+        """What a simulation says of every reading, (M,); ``row`` are the readings' places in its points."""
+        table = np.stack([result[c.column] for c in self.channels])
+        return np.asarray(table[self.channel, self.row if row is None else row])
+
+    def simulate(self, models: Sequence[Model]) -> list[Array]:
+        """Prediction of every reading by each model, in one call; rows without readings are left out."""
+        used, row = np.unique(self.row, return_inverse=True)
+        results = simulate_many(models, self.points.take(used))
+        return [self.predicted(result, row) for result in results]
+
+
+def points_of(frame: pd.DataFrame) -> Points:
+    """The set points of a measurement table, as applied: measured P2, V1, V2, ambient, time where present."""
+
+    def column(name: str, default: float) -> Array:
+        if name not in frame:
+            return np.full(len(frame), default)
+        return frame[name].astype(float).fillna(default).to_numpy()
+
+    kind = frame["kind"].to_numpy()
+    standby, idle = kind == "standby", kind == "no_load"
+    V2 = column("V2_V", 140.0)
+    return Points(
+        D1=np.where(standby, 1.0, column("D1", 1.0)),
+        D2=np.where(standby, 0.0, column("D2", 0.0)),
+        power_W=np.where(standby | idle, 0.0, column("P2_W", 0.0)),
+        V1_V=column("V1_V", 300.0),
+        V2_V=np.where(standby | (V2 < 1.0), 140.0, V2),
+        ambient_C=column("T_ambient_C", 25.0),
+        time_s=column("time_s", 0.0),
+        range_I1_A=column("range_I1_A", 0.0),
+        pwm=~standby,
+    )
+
+
+def observe(frame: pd.DataFrame) -> Observations:
+    """Every finite reading of every known channel; a row's channels depend on its kind."""
+    frame = frame.reset_index(drop=True)
+    present = tuple(c for c in CHANNELS if c.column in frame and frame[c.column].notna().any())
+    kind = frame["kind"].to_numpy()
+    channel, row, value = [], [], []
+    for k, c in enumerate(present):
+        readings = frame[c.column].astype(float).to_numpy()
+        usable = np.isfinite(readings) & (
+            np.isin(kind, LOADED)
+            | ((kind == "standby") & (c.name in _IN_STANDBY))
+            | ((kind == "no_load") & (c.name in _WITHOUT_LOAD))
+        )
+        rows = np.flatnonzero(usable)
+        channel.append(np.full(rows.size, k))
+        row.append(rows)
+        value.append(readings[rows])
+    return Observations(
+        frame=frame,
+        points=points_of(frame),
+        channels=present,
+        channel=np.concatenate(channel).astype(np.intp),
+        row=np.concatenate(row).astype(np.intp),
+        value=np.concatenate(value),
+    )
+
+
+def channel_named(name: str) -> Channel:
+    """The channel of that name."""
+    return _BY_NAME[name]

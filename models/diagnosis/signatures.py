@@ -1,0 +1,173 @@
+"""Signatures: how every effect, and every everyday spread, moves the whole vector of readings."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.observations import Observations
+from sim.effects.base import Effect
+from sim.effects.catalogue import CATALOGUE
+from sim.model import Model
+from sim.simulate import Points, simulate
+from sim.spread import Spread, everyday_spread
+
+Array = NDArray[np.float64]
+
+_VOLTAGE_GAIN = 3e-4  # of a dc voltage: 0.05 % of reading, uniform
+_P2_NOISE = 1e-4  # of reading, one averaged reading
+_COLLINEAR = 0.9999
+_EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
+_STEP = 0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """Change of every reading (M,) per unit of an effect's headline value, at fixed other values."""
+
+    effect: str
+    other: dict[str, float] = field(default_factory=dict)
+    slope: Array
+
+    @property
+    def entry(self) -> Effect:
+        """The catalogue's entry."""
+        return CATALOGUE[self.effect]
+
+    def values(self, headline: float) -> dict[str, float]:
+        """The effect's values with this headline."""
+        return {self.entry.headline.name: headline, **self.other}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signatures:
+    """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
+
+    The first directions are those of the converter's ``spread_entries``, the rest the instruments'.
+    ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction.
+    """
+
+    baseline: Array
+    effects: tuple[Signature, ...]
+    spread_entries: tuple[Spread, ...]
+    spread_names: tuple[str, ...]
+    spreads: Array
+    input_sigma: Array
+
+
+    def finite(self) -> NDArray[np.bool_]:
+        """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
+        slopes = np.stack([s.slope for s in self.effects])
+        whole = np.concatenate([self.baseline[None], self.input_sigma[None], slopes, self.spreads])
+        return np.asarray(np.all(np.isfinite(whole), axis=0))
+
+    def take(self, readings: NDArray[np.bool_]) -> "Signatures":
+        """The signatures of some of the readings."""
+        return replace(
+            self,
+            baseline=self.baseline[readings],
+            effects=tuple(replace(s, slope=s.slope[readings]) for s in self.effects),
+            spreads=self.spreads[:, readings],
+            input_sigma=self.input_sigma[readings],
+        )
+
+
+def step_of(entry: Effect) -> float:
+    """A step of the headline value that stays inside its bounds."""
+    step = _STEP * entry.headline.prior
+    return step if entry.headline.off + step <= entry.headline.upper else -step
+
+
+def signatures(observations: Observations, baseline: Model, without: frozenset[str] = frozenset()) -> Signatures:
+    """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call."""
+    entries = [
+        (name, entry, other)
+        for name, entry in CATALOGUE.items()
+        if name not in without
+        for other in entry.variants()
+    ]
+    present = baseline.effects
+    models = [baseline]
+    for name, entry, other in entries:
+        start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
+        models.append(baseline.with_effect(name, **{entry.headline.name: start + step_of(entry), **other}))
+    spreads = everyday_spread(baseline.converter)
+    models += [Model(converter=s.shifted(baseline.converter, 1.0), effects=baseline.effects) for s in spreads]
+    base, *moved = observations.simulate(models)
+    found = [
+        Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
+        for (name, entry, other), after in zip(entries, moved[: len(entries)], strict=True)
+    ]
+    effects = tuple(s for s in found if not _imitates(s, found))
+    names, directions = _instrument_spreads(observations)
+    (V1, V2), input_sigma = _inputs(observations, baseline, base)
+    return Signatures(
+        baseline=base,
+        effects=effects,
+        spread_entries=spreads,
+        spread_names=(*(s.path for s in spreads), *names, "measured V1", "measured V2"),
+        spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, directions, [V1, V2]]),
+        input_sigma=input_sigma,
+    )
+
+
+def _imitates(signature: Signature, others: list[Signature]) -> bool:
+    """True for a threshold that no reading crosses: the effect is then another one, or none at all."""
+    if not signature.entry.threshold:
+        return False
+    slope = np.nan_to_num(signature.slope)
+    length = float(np.linalg.norm(slope))
+    if length == 0.0:
+        return True
+    for other in others:
+        if not other.entry.threshold:
+            beside = np.nan_to_num(other.slope)
+            if abs(float(slope @ beside)) > _COLLINEAR * length * float(np.linalg.norm(beside)):
+                return True
+    return False
+
+
+def _inputs(observations: Observations, baseline: Model, base: Array) -> tuple[tuple[Array, Array], Array]:
+    """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2.
+
+    The noise of P2 is already in the replicates of the input power, which follows it; there it is zero. Close to
+    the most that D1 and D2 can carry, where D0 answers to everything at once and not linearly, it is NaN.
+    """
+    p = observations.points
+    moved = [
+        replace(p, V1_V=p.V1_V * (1 + _VOLTAGE_GAIN)),
+        replace(p, V2_V=p.V2_V * (1 + _VOLTAGE_GAIN)),
+        replace(p, power_W=p.power_W * (1 + _P2_NOISE)),
+        replace(p, power_W=p.power_W * (1 + _EDGE)),
+    ]
+    result = simulate(baseline, Points.join(moved))
+    V1, V2, P2 = (observations.predicted(result, observations.row + k * len(p)) - base for k in range(3))
+    edge = ~result.feasible[observations.row + 3 * len(p)]
+    P2 = np.where(edge, np.nan, P2)
+    follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
+    return (V1, V2), np.where(follows & ~edge, 0.0, np.abs(P2))
+
+
+def _instrument_spreads(observations: Observations) -> tuple[list[str], Array]:
+    """One-sigma directions of what instruments inside their specification may be off by.
+
+    A dc analyzer's power is good to 0.05 % of reading and 0.1 % of range at either port, an ac one to 0.3 %
+    and 0.2 %; a uniform error of that width has a sigma of width over root three. A temperature sensor is
+    taken as good to half a kelvin.
+    """
+    power = np.asarray(observations.points.power_W)[observations.row]
+    carries = power > 0
+    efficiency = observations.of("efficiency")
+    table = {
+        "analyzer port 1 gain": np.where(efficiency, 2.9e-4 * power, 0.0),
+        "analyzer port 1 offset": np.where(efficiency, 2.5e-3 * 300.0 / np.sqrt(3), 0.0),
+        "analyzer port 2 gain": np.where(efficiency, 2.9e-4 * power, 0.0),
+        "analyzer port 2 offset": np.where(efficiency & carries, 5e-3 * 140.0 / np.sqrt(3), 0.0),
+        "ac current gain": np.where(observations.of("I_L_rms_A"), 1.7e-3 * np.abs(observations.value), 0.0),
+    }
+    for link in ("P_link1_W", "P_link2_W"):
+        table[f"{link} gain"] = np.where(observations.of(link), 1.7e-3 * power, 0.0)
+        table[f"{link} offset"] = np.where(observations.of(link), 1.7, 0.0)
+    for sensor in ("T_heatsink_C", "T_transformer_C", "T_inductor_C"):
+        table[f"{sensor} offset"] = np.where(observations.of(sensor), 0.5, 0.0)
+    return list(table), np.stack(list(table.values()))

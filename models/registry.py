@@ -1,0 +1,143 @@
+"""Trained models on disk: one folder per model, named by the hash of its data and settings.
+
+::
+
+    <root>/<id>/metadata.json     kind, data hash, settings, metrics, when
+    <root>/<id>/stage_1.ubj       XGBoost's own format, one file per ensemble of trees
+    <root>/<id>/stage_1.json      its settings
+
+The same data and settings give the same id, so training twice keeps one folder. A stage that is the
+simulator is not stored: whoever loads the model hands the simulator in.
+"""
+
+import hashlib
+import json
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from models.boosting import BoostedTrees
+from models.surrogate import EfficiencyModel, Simulator, SimulatorStage, StagedModel
+
+SCHEMA = 1
+_SIMULATOR = "simulator"
+
+
+class RegistryError(ValueError):
+    """A model that is not there, or cannot be kept or read; says what there is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelRecord:
+    """What is known of a stored model without loading it."""
+
+    id: str
+    kind: str
+    created: str  # ISO 8601
+    data_sha256: str
+    settings: Mapping[str, object]  # of each stage, by its name
+    metrics: Mapping[str, float]
+
+
+def data_hash(*tables: pd.DataFrame) -> str:
+    """SHA-256 over column names and values of training tables, in the order of their rows."""
+    digest = hashlib.sha256()
+    for table in tables:
+        digest.update(json.dumps([str(column) for column in table.columns]).encode())
+        digest.update(pd.util.hash_pandas_object(table, index=False).to_numpy().tobytes())
+    return digest.hexdigest()
+
+
+class Registry:
+    """The models below one folder."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+
+    def save(
+        self,
+        model: StagedModel,
+        *,
+        data_sha256: str,
+        created: str,
+        metrics: Mapping[str, float] | None = None,
+    ) -> ModelRecord:
+        """Keep a model; a model of the same data and settings that is already there stays as it is."""
+        settings = {f"stage_{number}": _settings(stage) for number, stage in enumerate(model.stages, start=1)}
+        identity = json.dumps([SCHEMA, model.kind, data_sha256, settings], sort_keys=True)
+        record = ModelRecord(
+            id=hashlib.sha256(identity.encode()).hexdigest()[:12],
+            kind=model.kind,
+            created=created,
+            data_sha256=data_sha256,
+            settings=settings,
+            metrics=dict(metrics or {}),
+        )
+        if (self.root / record.id / "metadata.json").is_file():
+            return self.show(record.id)
+        self._write(record, model)
+        return record
+
+    def list(self) -> tuple[ModelRecord, ...]:
+        """All models, the oldest first."""
+        ids = sorted(path.parent.name for path in self.root.glob("*/metadata.json"))
+        return tuple(sorted((self.show(id) for id in ids), key=lambda record: (record.created, record.id)))
+
+    def show(self, id: str) -> ModelRecord:
+        """What is known of one model; raises RegistryError when it is not there or not readable."""
+        path = self._folder(id) / "metadata.json"
+        try:
+            metadata = json.loads(path.read_text())
+            if metadata.pop("schema") != SCHEMA:
+                raise RegistryError(f"{path}: this version reads schema {SCHEMA} only")
+            return ModelRecord(**metadata)
+        except FileNotFoundError:
+            there = ", ".join(sorted(p.parent.name for p in self.root.glob("*/metadata.json"))) or "none"
+            raise RegistryError(f"no model {id!r} in {self.root}; there are: {there}") from None
+        except (KeyError, TypeError, json.JSONDecodeError) as error:
+            raise RegistryError(f"{path}: not the metadata of a model ({error})") from error
+
+    def load(self, id: str, simulator: Simulator | None = None) -> StagedModel:
+        """The model itself; one with the simulator as a stage needs ``simulator``."""
+        record = self.show(id)
+        stages: list[EfficiencyModel] = []
+        for name, settings in record.settings.items():
+            if settings != _SIMULATOR:
+                stages.append(BoostedTrees.load(self._folder(id) / f"{name}.ubj"))
+            elif simulator is not None:
+                stages.append(SimulatorStage(simulator))
+            else:
+                raise RegistryError(f"model {id} has the simulator as {name}; hand it in to load the model")
+        return StagedModel(kind=record.kind, stages=tuple(stages))
+
+    def _folder(self, id: str) -> Path:
+        if not re.fullmatch(r"[0-9a-f]{12}", id):
+            raise RegistryError(f"{id!r} is not the id of a model: 12 hexadecimal digits")
+        return self.root / id
+
+    def _write(self, record: ModelRecord, model: StagedModel) -> None:
+        """Write beside the final folder and move it there whole: a reader never meets half a model."""
+        self.root.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=".new-", dir=self.root))
+        try:
+            for name, stage in zip(record.settings, model.stages, strict=True):
+                if isinstance(stage, BoostedTrees):
+                    stage.save(folder / f"{name}.ubj")
+            metadata = {"schema": SCHEMA, **asdict(record)}
+            (folder / "metadata.json").write_text(json.dumps(metadata, indent=2) + "\n")
+            folder.replace(self.root / record.id)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _settings(stage: EfficiencyModel) -> object:
+    if isinstance(stage, BoostedTrees):
+        return asdict(stage.settings)
+    if isinstance(stage, SimulatorStage):
+        return _SIMULATOR
+    raise RegistryError(f"a stage of type {type(stage).__name__} cannot be kept; trees and the simulator can")

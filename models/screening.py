@@ -1,0 +1,153 @@
+"""Which rows of a measurement table cannot be, and why.
+
+Checks run on the numbers as given, in the order of ``CHECKS``; a row is rejected by the
+first one it fails, so that a power in kilowatts is not reported as too much efficiency as well. Optional
+channels do not cost a row: a value that cannot be is left empty and noted.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+KINDS = ("load", "reference", "standby", "no_load")
+LOADED_KINDS = ("load", "reference")
+CORE_COLUMNS = ("D1", "D2", "P2_W", "P1_W", "efficiency")
+OPTIONAL_COLUMNS = (
+    *("time_s", "P_set_W", "D0", "V1_V", "I1_A", "V2_V", "I2_A", "I_L_rms_A", "P_link1_W", "P_link2_W"),
+    *("T_ambient_C", "T_heatsink_C", "T_transformer_C", "T_inductor_C"),
+    *("range_U1_V", "range_I1_A", "range_U2_V", "range_I2_A", "u_P1_W", "u_P2_W", "u_efficiency"),
+)
+NUMERIC_COLUMNS = (*CORE_COLUMNS, *OPTIONAL_COLUMNS)
+KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", "kind", "settled", "quality")
+
+NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
+KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 is a power written in kW
+ABSOLUTE_ZERO_C = -273.15
+DISAGREEMENT = 0.005  # of efficiency against P2/P1: more than the rounding of printed powers explains
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RejectedRow:
+    """Why a row was left out; ``row`` counts data rows from 1, the header not included."""
+
+    row: int
+    column: str
+    value: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing that cannot be: the column to name, the reason to give, and the rows it holds for."""
+
+    column: str
+    reason: str
+    impossible: Callable[[pd.DataFrame], pd.Series]
+    kinds: tuple[str, ...] = LOADED_KINDS
+
+
+def _not_finite(column: str) -> Callable[[pd.DataFrame], pd.Series]:
+    return lambda frame: ~(frame[column].abs() < NO_DATA)
+
+
+def _outside_unit(column: str) -> Callable[[pd.DataFrame], pd.Series]:
+    return lambda frame: ~frame[column].between(0.0, 1.0)
+
+
+NO_NUMBER = "not a finite number (text, NaN, INF or the analyzer's code for no data)"
+CHECKS = (
+    Check("P1_W", NO_NUMBER, _not_finite("P1_W"), ("standby", "no_load")),
+    *(Check(column, NO_NUMBER, _not_finite(column)) for column in ("D1", "D2", "P2_W")),
+    Check("P1_W", "overrange or no data", lambda f: f["P1_W"].abs() >= NO_DATA),
+    Check("efficiency", "overrange or no data", lambda f: f["efficiency"].abs() >= NO_DATA),
+    Check(
+        "P1_W", "neither P1_W nor efficiency is a number", lambda f: f["P1_W"].isna() & f["efficiency"].isna()
+    ),
+    Check("D1", "outside [0, 1]: D1 is in units of the half period", _outside_unit("D1")),
+    Check("D2", "outside [0, 1]: D2 is in units of the half period", _outside_unit("D2")),
+    Check("P2_W", "not above 0 W: a loaded point delivers power", lambda f: f["P2_W"] <= 0),
+    Check(
+        "P2_W", "below 10 W: this looks like kilowatts; powers are in W", lambda f: f["P2_W"] < KILOWATT_LIMIT
+    ),
+    Check(
+        "efficiency",
+        "this looks like per cent; efficiency is a fraction (0.9845)",
+        lambda f: f["efficiency"].between(2.0, 100.0),
+    ),
+    Check("efficiency", "not in (0, 1]", lambda f: (f["efficiency"] <= 0) | (f["efficiency"] > 1)),
+    Check("P1_W", "not above 0 W: a loaded point draws power", lambda f: f["P1_W"] <= 0),
+    Check(
+        "P1_W",
+        "P2_W is about 1000 times as much: P1_W looks like kilowatts",
+        lambda f: f["P2_W"] > 500 * f["P1_W"],
+    ),
+    Check("P2_W", "above P1_W: more power out than in", lambda f: f["P2_W"] > f["P1_W"]),
+    Check(
+        "efficiency",
+        "differs from P2_W / P1_W by more than 0.005",
+        lambda f: (f["efficiency"] - f["P2_W"] / f["P1_W"]).abs() > DISAGREEMENT,
+    ),
+)
+
+
+def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Known numeric columns as float64 (NaN where there is no number) and ``kind``; notes besides.
+
+    Optional values that cannot be are left empty: one note per column says how many, and the first.
+    """
+    frame, notes = raw.copy(), []
+    for column in NUMERIC_COLUMNS:
+        if column in raw:
+            frame[column] = pd.to_numeric(raw[column], errors="coerce").astype(np.float64)
+        elif column in CORE_COLUMNS:
+            frame[column] = np.nan
+        if column in raw and column in OPTIONAL_COLUMNS:
+            notes += _blank(frame, raw, column)
+    kind = raw["kind"] if "kind" in raw else pd.Series("load", index=raw.index)
+    frame["kind"] = kind.astype(object).where(kind.notna(), "load").astype(str).str.strip()
+    return frame, tuple(notes)
+
+
+def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
+    value = frame[column]
+    unusable = (value.isna() & raw[column].notna()) | (value.abs() >= NO_DATA)
+    if column.startswith(("u_", "range_")):
+        unusable |= value <= 0
+    if column.startswith("T_"):
+        unusable |= value < ABSOLUTE_ZERO_C
+    if not unusable.any():
+        return []
+    frame[column] = value.mask(unusable)
+    first = int(np.flatnonzero(unusable)[0])
+    count = f"{int(unusable.sum())} of {len(frame)}"
+    return [
+        f"{column}: {count} values cannot be and are left empty (row {first + 1}: {raw[column].iloc[first]})"
+    ]
+
+
+def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
+    """Rows of ``frame`` (from :func:`numbers`) that cannot be, with what stood in ``raw``; in row order."""
+    rejected: dict[int, RejectedRow] = {}
+
+    def reject(rows: pd.Series, column: str, reason: str) -> None:
+        for row in np.flatnonzero(rows):
+            value = raw[column].iloc[row] if column in raw else frame[column].iloc[row]
+            reasoned = RejectedRow(row=int(row) + 1, column=column, value=str(value), reason=reason)
+            rejected.setdefault(int(row), reasoned)
+
+    reject(~frame["kind"].isin(KINDS), "kind", f"unknown kind; allowed are {', '.join(KINDS)}")
+    for check in CHECKS:
+        reject(frame["kind"].isin(check.kinds) & check.impossible(frame), check.column, check.reason)
+    text = raw.astype(str)  # whatever stands in unknown columns can be compared as text
+    reject(text.duplicated(keep="first"), "P1_W", "repeats an earlier row in every column")
+    return tuple(rejected[row] for row in sorted(rejected))
+
+
+def complete(frame: pd.DataFrame) -> pd.DataFrame:
+    """Screened rows with ``P1_W`` and ``efficiency`` from each other; no efficiency where unloaded."""
+    loaded = frame["kind"].isin(LOADED_KINDS)
+    P1_W = frame["P1_W"].where(frame["P1_W"].notna() | ~loaded, frame["P2_W"] / frame["efficiency"])
+    efficiency = frame["efficiency"].where(frame["efficiency"].notna(), frame["P2_W"] / P1_W).where(loaded)
+    return frame.assign(P1_W=P1_W, efficiency=efficiency)

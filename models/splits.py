@@ -1,0 +1,113 @@
+"""Which rows train and which judge: seeded random splits, and whole blocks held out.
+
+A random split asks how well a model interpolates; a block asks whether it holds where it was not fitted.
+Repeated readings of one set point always stay together: noise shared by a fit and its judge flatters both.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+Rows = NDArray[np.intp]
+
+SIMULATION_SHARES = (0.1, 0.2, 0.7)  # train, test, validation (Table III)
+EXPERIMENT_SHARES = (0.4, 0.2, 0.4)
+SAME_POWER = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Split:
+    """Row numbers of the three sets; together every row once."""
+
+    train: Rows
+    test: Rows
+    validation: Rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoldOut:
+    """One block: row numbers to fit on, and those held out, with the block's name."""
+
+    name: str
+    fitted: Rows
+    held_out: Rows
+
+
+def split(groups: NDArray[np.generic], shares: tuple[float, float, float], *, seed: int) -> Split:
+    """Split rows (N,) at random, whole groups at a time; counts are rounded to the shares of the groups.
+
+    Raises ValueError when the shares do not add up to 1.
+    """
+    if min(shares) < 0 or abs(sum(shares) - 1) > 1e-9:
+        raise ValueError(f"the shares of a split are {shares}; they must be at least 0 and add up to 1")
+    names, member = np.unique(groups, return_inverse=True)
+    order = np.random.default_rng(seed).permutation(len(names))
+    first, second = (round(len(names) * share) for share in (shares[0], shares[0] + shares[1]))
+    part = np.full(len(names), 2)
+    part[order[:second]] = 1
+    part[order[:first]] = 0
+    train, test, validation = (np.flatnonzero(part[member] == k) for k in range(3))
+    return Split(train=train, test=test, validation=validation)
+
+
+def split_simulation(simulated: pd.DataFrame, *, seed: int) -> Split:
+    """10/20/70 % of a simulation table's rows; hand in the feasible rows only."""
+    return split(np.arange(len(simulated)), SIMULATION_SHARES, seed=seed)
+
+
+def split_experiment(measured: pd.DataFrame, *, seed: int) -> Split:
+    """40/20/40 % of a measurement table's set points."""
+    return split(set_points(measured), EXPERIMENT_SHARES, seed=seed)
+
+
+def set_points(measured: pd.DataFrame) -> Rows:
+    """A number per row that repeated readings of one set point share.
+
+    Rows of equal D1 and D2 (to 4 decimals) belong together while their powers, in order, lie less than
+    2 % apart: further than a set power's readings scatter.
+    """
+    D1, D2 = (measured[name].round(4).to_numpy() for name in ("D1", "D2"))
+    power = np.log(measured["P2_W"].to_numpy(dtype=np.float64))
+    order = np.lexsort((power, D2, D1))
+    steps = [np.diff(x[order], prepend=np.nan) for x in (D1, D2, power)]
+    new = (steps[0] != 0) | (steps[1] != 0) | (steps[2] > SAME_POWER)
+    groups = np.empty(len(order), dtype=np.intp)
+    groups[order] = np.cumsum(new) - 1
+    return groups
+
+
+def power_bands(measured: pd.DataFrame, count: int = 4) -> list[HoldOut]:
+    """Hold out one band of output power after the other; bands of about equally many rows."""
+    power_W = measured["P2_W"].to_numpy(dtype=np.float64)
+    edges = np.quantile(power_W, np.linspace(0, 1, count + 1))
+    band = np.clip(np.searchsorted(edges, power_W, side="right") - 1, 0, count - 1)
+    names = [f"power {low:.0f} to {high:.0f} W" for low, high in itertools.pairwise(edges)]
+    return _blocks(band, names)
+
+
+def regions(measured: pd.DataFrame) -> list[HoldOut]:
+    """Hold out one quarter of the (D1, D2) plane after the other, cut at the medians."""
+    high_D1 = (measured["D1"] > measured["D1"].median()).to_numpy()
+    high_D2 = (measured["D2"] > measured["D2"].median()).to_numpy()
+    names = [f"{a} D1, {b} D2" for a in ("low", "high") for b in ("low", "high")]
+    return _blocks((2 * high_D1 + high_D2).astype(np.intp), names)
+
+
+def periods(measured: pd.DataFrame, count: int = 3) -> list[HoldOut]:
+    """Hold out one stretch of time after the other; needs ``time_s``."""
+    rank = measured["time_s"].rank(method="first").to_numpy(dtype=np.float64) - 1
+    block = (rank * count / len(measured)).astype(np.intp)
+    return _blocks(block, [f"period {k + 1} of {count}" for k in range(count)])
+
+
+def _blocks(block: Rows, names: list[str]) -> list[HoldOut]:
+    """A hold-out per block that has rows inside and outside."""
+    out = []
+    for number, name in enumerate(names):
+        inside = block == number
+        if inside.any() and not inside.all():
+            out.append(HoldOut(name=name, fitted=np.flatnonzero(~inside), held_out=np.flatnonzero(inside)))
+    return out

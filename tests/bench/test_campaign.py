@@ -1,0 +1,267 @@
+"""The campaign engine on a fake bench: order, states, and a bench that is off however it ends."""
+
+from contextlib import nullcontext
+from datetime import datetime
+
+import pytest
+
+from bench.campaign import TRANSITIONS, CampaignOutcome, Job, State, check_transition, run_campaign
+from bench.connect import BenchFaults
+from bench.errors import Aborted, BenchUnsafe, LimitReached, OutputLost, StateError
+from bench.progress import Progress
+from bench.store import Store
+from drivers.errors import LinkLost
+from tests.bench.fake_bench import (
+    SIMULATED,
+    TRUE,
+    FakeInstruments,
+    bench_config,
+    campaign_config,
+    memory,
+    predict,
+)
+
+
+def job(**changes: object) -> Job:
+    return Job.prepare(campaign_config(**changes), bench_config(), predict=predict)
+
+
+def run(fake: FakeInstruments, store: Store, a_job: Job | None = None, **watch: object) -> CampaignOutcome:
+    return run_campaign(a_job or job(), store, fake.clock, connect=fake.connect, **watch)  # type: ignore[arg-type]
+
+
+def last_state(store: Store) -> str:
+    return str(store.campaigns()[-1]["state"])
+
+
+def test_runs_every_row_and_leaves_the_bench_off() -> None:
+    fake, store = FakeInstruments(), memory()
+    outcome = run(fake, store)
+    assert (outcome.accepted, outcome.rejected) == (11, 0)  # 1 standby, 1 no load, 3 references, 6 points
+    assert outcome.settled == 11
+    assert fake.off
+    assert last_state(store) == State.DONE
+
+
+def test_table_holds_what_was_measured() -> None:
+    fake, store = FakeInstruments(), memory()
+    table = store.measurement_table(run(fake, store).campaign_id)
+    assert list(table["kind"][:3]) == ["standby", "no_load", "reference"]
+    loaded = table[table["kind"].isin(["load", "reference"])]
+    # 8 W of fixed loss and up to 0.04 points of warming, at 200 W or more: at most 4 points below TRUE
+    assert loaded["efficiency"].between(TRUE - 0.04, TRUE).all()
+    assert table.loc[0, ["efficiency", "D1", "D0"]].isna().all()
+    assert (table["time_s"].diff().dropna() > 0).all()
+
+
+def test_prediction_is_stored_before_the_point_is_set() -> None:
+    fake, store = FakeInstruments(), memory()
+    seen: list[list[str]] = []
+    real = fake.set_modulation
+    fake.set_modulation = lambda D1, D2: (seen.append(events_of(store)), real(D1, D2))[1]  # type: ignore[method-assign]
+    run(fake, store)
+    assert all(events[-1] == "predicted" for events in seen)
+    assert len(seen) == 19  # once for no load, and by way of the start for each of nine loaded rows
+
+
+def events_of(store: Store) -> list[str]:
+    return [str(event["event"]) for event in store.events(1)]
+
+
+def test_every_step_of_a_point_is_stored_in_order() -> None:
+    store = memory()
+    run(FakeInstruments(), store)
+    steps = [event["event"] for event in store.events(1) if event["point_id"] == 4]
+    assert steps == ["predicted", "set", "settled", "measured", "accepted"]
+
+
+def test_power_changes_only_at_the_modulation_that_carries_all() -> None:
+    fake, store = FakeInstruments(), memory()
+    points = [{"D1": 0.9, "D2": 0.1, "power_W": power} for power in (500, 1500, 300)]
+    plan = {"kind": "points", "set_points": points, "order": "given", "standby": 0, "no_load": 0}
+    run(fake, store, job(plan=plan))
+    switched = [what for what in fake.done if what.startswith(("modulation", "load power"))]
+    assert switched == ["modulation 0.8 0", "load power", "modulation 0.9 0.1"] * 3
+
+
+def test_the_heartbeat_never_pauses_longer_than_a_beat_and_an_update() -> None:
+    fake = FakeInstruments()
+    slow = {
+        "window_s": 45,
+        "sample_every_s": 15,
+        "limit_s": 300,
+    }  # far more than a beat from sample to sample
+    run(fake, memory(), job(settling=slow))
+    assert 0 < fake.longest_silence_s <= 2.0 + 0.5  # heartbeat_s and update_s of the fake bench
+
+
+@pytest.mark.parametrize("call", ["read", "beat", "modulation", "load on", "supply on", "PWM on"])
+def test_a_lost_link_anywhere_ends_with_the_bench_off(call: str) -> None:
+    fake, store = FakeInstruments(broken={call}), memory()
+    with pytest.raises(LinkLost):
+        run(fake, store)
+    assert fake.off
+    assert last_state(store) == State.FAILED
+    assert "unplugged" in store.campaign(1)["error"]
+
+
+def test_a_step_of_the_power_off_that_fails_does_not_stop_the_next() -> None:
+    fake, store = FakeInstruments(), memory()
+    watch = lambda progress: fake.broken.update({"read", "load off"}) if progress.done == 4 else None  # noqa: E731
+    with pytest.raises(BenchUnsafe, match="load NOT confirmed off"):
+        run(fake, store, progress=watch)
+    assert not fake.pwm
+    assert not fake.supply_on
+    assert last_state(store) == State.UNSAFE
+
+
+def test_power_goes_off_as_pwm_load_supply() -> None:
+    fake = FakeInstruments()
+    run(fake, memory())
+    assert [what for what in fake.done if what.endswith("off")][-3:] == ["PWM off", "load off", "supply off"]
+
+
+def test_a_reported_fault_stops_the_campaign() -> None:
+    fake, store = FakeInstruments(), memory()
+
+    def watch(progress: Progress) -> None:
+        if progress.done == 5:
+            fake.faults = ("overcurrent",)
+
+    with pytest.raises(LimitReached, match="overcurrent"):
+        run(fake, store, progress=watch)
+    assert fake.off
+
+
+def test_a_pwm_that_trips_by_itself_stops_the_campaign() -> None:
+    fake, store = FakeInstruments(), memory()
+
+    def watch(progress: Progress) -> None:
+        if progress.done == 5:
+            fake.pwm = False
+
+    with pytest.raises(LimitReached, match="PWM is off and should be on"):
+        run(fake, store, progress=watch)
+    assert fake.off
+
+
+def test_abort_from_another_process_switches_off() -> None:
+    fake, store = FakeInstruments(), memory()
+    with pytest.raises(Aborted):
+        run(fake, store, progress=lambda progress: store.ask(1, "abort") if progress.done == 4 else None)
+    assert fake.off
+    assert last_state(store) == State.ABORTED
+
+
+def test_ctrl_c_switches_off_and_is_recorded() -> None:
+    fake, store = FakeInstruments(), memory()
+
+    def interrupt(progress: Progress) -> None:
+        if progress.done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(fake, store, progress=interrupt)
+    assert fake.off
+    assert last_state(store) == State.ABORTED
+
+
+def test_pause_switches_off_and_resume_goes_on() -> None:
+    fake, store = FakeInstruments(), memory()
+    off_while_paused = []
+
+    def watch(progress: Progress) -> None:
+        if progress.done == 4 and progress.said == "accepted":
+            store.ask(1, "pause")
+        if progress.said.startswith("paused"):
+            off_while_paused.append(fake.off)
+            store.ask(1, None)
+
+    outcome = run(fake, store, progress=watch)
+    assert off_while_paused == [True]
+    assert outcome.accepted == 11
+
+
+def test_a_fault_found_by_the_check_ends_before_anything_is_switched_on() -> None:
+    fake, store = FakeInstruments(supply_on=True), memory()
+    connect = lambda config, _clock: nullcontext(fake.bench(config, ["supply: its output is on"]))  # noqa: E731
+    with pytest.raises(BenchFaults, match="its output is on"):
+        run_campaign(job(), store, fake.clock, connect=connect)
+    assert fake.off  # what an earlier run left on
+    assert "supply on" not in fake.done
+
+
+def test_a_row_off_its_set_point_is_rejected_with_the_reason() -> None:
+    fake, store = FakeInstruments(), memory()
+    measure = {"samples": 4, "voltage_tolerance": 1e-9}
+    outcome = run(fake, store, job(measure=measure))
+    assert outcome.accepted == 1  # standby has no output voltage to hold
+    assert "is not held at 140 V" in store.predictions(1)["reason"].iloc[-1]
+    assert len(store.measurement_table(1)) == 1
+
+
+def test_a_point_that_does_not_settle_is_measured_and_says_so() -> None:
+    fake, store = FakeInstruments(noise=0.01), memory()
+    run(fake, store, job(settling={"window_s": 6, "sample_every_s": 2, "limit_s": 20}))
+    table = store.measurement_table(1)
+    assert not table.loc[table["kind"] == "load", "settled"].any()
+
+
+def test_start_at_is_waited_for_on_the_clock() -> None:
+    fake, store = FakeInstruments(), memory()
+    today = lambda: datetime(2026, 12, 1, 21, 0, 0)  # noqa: E731
+    run(fake, store, job(schedule={"start_at": datetime(2026, 12, 1, 22, 0, 0)}), today=today)
+    first = next(event for event in store.events(1) if event["event"] == "checking")
+    assert first["time_s"] == pytest.approx(3600.0)  # one hour, on a clock that only steps
+
+
+def test_a_point_out_of_reach_costs_that_point_only() -> None:
+    fake, store = FakeInstruments(), memory()
+
+    def lose(progress: Progress) -> None:
+        if progress.done == 5 and not progress.said:
+            fake.faults = ("output_undervoltage",)
+        elif progress.said.startswith("rejected"):
+            fake.faults = ()  # arming clears it
+
+    outcome = run(fake, store, progress=lose)
+    assert (outcome.accepted, outcome.rejected) == (10, 1)
+    assert "output_undervoltage" in store.predictions(1)["reason"].iloc[5]
+    assert fake.done.count("supply on") == 2
+
+
+def test_points_out_of_reach_one_after_the_other_end_the_campaign() -> None:
+    fake, store = FakeInstruments(), memory()
+
+    def lose(progress: Progress) -> None:
+        if progress.done >= 5:
+            fake.faults = ("output_undervoltage",)
+
+    with pytest.raises(OutputLost):
+        run(fake, store, progress=lose)
+    assert fake.off
+
+
+def test_progress_carries_the_residual() -> None:
+    told: list[Progress] = []
+    run(FakeInstruments(), memory(), progress=told.append)
+    last = told[-1]
+    assert last.residual == pytest.approx(last.measured - SIMULATED)  # type: ignore[operator]
+    assert last.mean_residual is not None
+    assert last.left_s == 0
+
+
+def test_provenance_is_kept() -> None:
+    store = memory()
+    run(FakeInstruments(), store)
+    row = store.campaign(1)
+    assert row["virtual"] is True
+    assert row["instruments"] == {"analyzer": "fake bench 1 0"}
+    assert len(row["config_hash"]) == 64
+    assert "numpy" in row["versions"]
+
+
+def test_the_transition_table_is_closed_and_ends_are_final() -> None:
+    assert set(TRANSITIONS) == set(State)
+    with pytest.raises(StateError, match="cannot become"):
+        check_transition(State.DONE, State.RUNNING)

@@ -1,0 +1,216 @@
+"""The command line: exit codes, words instead of tracebacks, and files that come out right."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench import cli
+from bench.errors import BenchUnsafe, InputError
+from bench.hidden import parse_hidden
+from bench.toml_file import read_toml, to_toml
+from drivers.errors import LinkTimeout
+from tests.bench.fake_bench import BENCH, CAMPAIGN
+
+VERBS = (
+    "mock", "check", "run", "status", "runs", "pause", "resume", "abort", "export", "import",
+    "simulate", "train", "optimise", "models",
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("D2EA_DB", raising=False)
+
+
+def d2ea(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(arguments)
+    return int(ended.value.code or 0)
+
+
+def bench_file(**changes: object) -> str:
+    Path("bench.toml").write_text(to_toml({**BENCH, **changes}))
+    return "bench.toml"
+
+
+def campaign_file(**changes: object) -> str:
+    Path("campaign.toml").write_text(to_toml({**CAMPAIGN, **changes}))
+    return "campaign.toml"
+
+
+def measured_table(rows: int = 60) -> str:
+    rng = np.random.default_rng(1)
+    D1, D2, P2_W = rng.uniform(0.6, 0.9, rows), rng.uniform(0.05, 0.3, rows), rng.uniform(300, 1200, rows)
+    efficiency = 0.97 + 0.01 * D1 - 0.01 * D2
+    pd.DataFrame({"D1": D1, "D2": D2, "P2_W": P2_W, "P1_W": P2_W / efficiency}).to_csv(
+        "theirs.csv", index=False
+    )
+    return "theirs.csv"
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea(verb, "--help") == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+def test_an_unknown_verb_or_option_is_wrong_use() -> None:
+    assert d2ea("measure") == 2
+    assert d2ea("runs", "--fast") == 2
+
+
+def test_a_wrong_key_is_named_with_its_line_and_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("run", campaign_file(sed=3), "--bench", bench_file()) == 2
+    said = capsys.readouterr().err
+    assert "campaign.toml:2: sed = 3: unknown key; did you mean seed?" in said
+    assert "Traceback" not in said
+
+
+def test_a_set_point_above_the_limits_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    plan = {"kind": "latin_hypercube", "points": 4}
+    ranges = {"power_W": [200, 9000]}
+    assert d2ea("run", campaign_file(plan=plan, ranges=ranges), "--bench", bench_file()) == 2
+    assert "ranges.power_W = 9000.0: at most limits.power_W = 2200 W" in capsys.readouterr().err
+
+
+def test_unreachable_ports_are_all_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("check", bench_file()) == 1
+    said = capsys.readouterr().err
+    for name in ("analyzer", "supply", "load", "controller"):
+        assert f"fault: {name}: cannot open" in said
+
+
+def test_a_run_on_unreachable_instruments_fails_and_is_recorded(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("run", campaign_file(), "--bench", bench_file()) == 1
+    assert "cannot open" in capsys.readouterr().err
+    assert d2ea("status") == 0
+    assert "failed" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (BenchUnsafe("load NOT confirmed off"), 3),
+        (LinkTimeout("no reply"), 1),
+        (InputError.of("f.toml", "a", 1, "allowed is 2"), 2),
+        (ZeroDivisionError("division by zero"), 1),
+    ],
+)
+def test_every_error_has_its_exit_code_and_no_traceback(
+    error: Exception, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_path: object) -> None:
+        raise error
+
+    monkeypatch.setattr("bench.commands.bench.read_bench", fail)
+    assert d2ea("check", "any.toml") == code
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_imported_measurements_come_out_of_export(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("import", measured_table(), "--name", "theirs") == 0
+    assert d2ea("export", "1", "--out", "out.parquet") == 0
+    ours, theirs = pd.read_parquet("out.parquet"), pd.read_csv("theirs.csv")
+    pd.testing.assert_frame_equal(ours[theirs.columns], theirs)
+    assert d2ea("runs") == 0
+    assert "imported" in capsys.readouterr().out
+
+
+def test_a_table_without_a_required_column_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("bad.csv").write_text("D1,P2_W,P1_W\n0.9,500,510\n")
+    assert d2ea("import", "bad.csv") == 2
+    assert "bad.csv: measurement table: required column D2 is missing" in capsys.readouterr().err
+
+
+def test_export_of_an_unknown_campaign_or_ending_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("export", "7", "--out", "x.csv") == 1
+    assert "there is no campaign 7" in capsys.readouterr().err
+    d2ea("import", measured_table())
+    assert d2ea("export", "1", "--out", "x.xls") == 2
+
+
+def test_nothing_is_running_to_pause() -> None:
+    assert d2ea("pause") == 1
+
+
+def test_simulate_a_grid() -> None:
+    assert d2ea("simulate", "--grid", "3x3x2", "--out", "grid.csv") == 0
+    table = pd.read_csv("grid.csv")
+    assert len(table) == 18
+    assert table.loc[~table["feasible"], "efficiency"].isna().all()
+    assert table.loc[table["feasible"], "efficiency"].between(0.5, 1.0).all()
+
+
+def test_simulate_points_keeps_the_columns_given() -> None:
+    Path("points.csv").write_text("D1,D2,P_set_W,mark\n0.8,0.1,500,a\n0.8,0.1,2500,b\n")
+    assert d2ea("simulate", "points.csv", "--out", "out.csv") == 0
+    table = pd.read_csv("out.csv")
+    assert list(table["mark"]) == ["a", "b"]
+    assert list(table["feasible"]) == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("D1,P_set_W\n0.8,500\n", "points.csv: D2: column is missing; required are D1, D2, P_set_W"),
+        ("D1,D2,P_set_W\n0.8,0.1,500\n1.8,0.1,500\n", "points.csv:3: D1 = 1.8: a number from 0 to 1"),
+    ],
+)
+def test_simulate_names_what_is_wrong(content: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("points.csv").write_text(content)
+    assert d2ea("simulate", "points.csv") == 2
+    assert said in capsys.readouterr().err.replace("np.float64(1.8)", "1.8")
+
+
+def test_simulate_with_a_wrong_model_names_effect_and_line(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("model.toml").write_text("[effects.sic_on_resistanse]\nvalue = 0.1\n")
+    assert d2ea("simulate", "--grid", "2x2x2", "--model", "model.toml") == 2
+    said = capsys.readouterr().err
+    assert "model.toml:1: effects.sic_on_resistanse" in said
+    assert "did you mean 'sic_on_resistance'" in said
+
+
+def test_train_then_list_then_optimise(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bench.commands.learn.KINDS", ("d2ea",))  # the others take time and nothing new
+    d2ea("import", measured_table())
+    assert d2ea("train", "1") == 0
+    assert d2ea("models", "list") == 0
+    assert capsys.readouterr().out.count("d2ea ") == 2  # in the training's table and in the list
+    assert d2ea("optimise", "--powers", "400:800:200", "--out", "lut.json") == 0
+    rows = json.loads(Path("lut.json").read_text())["table"]
+    assert [row["P_W"] for row in rows] == [400.0, 600.0, 800.0]
+    assert all(0 <= row["D1"] <= 1 and 0 <= row["D2"] <= 1 for row in rows)
+
+
+def test_too_few_rows_to_train_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("train", measured_table(rows=5)) == 2
+    assert "at least 10 are needed" in capsys.readouterr().err
+
+
+def test_hidden_effects_are_checked_all_at_once() -> None:
+    assert parse_hidden(["link_resistance=0.05"]) == {"link_resistance": 0.05}
+    with pytest.raises(InputError) as caught:
+        parse_hidden(["link_resistanse", "link_resistance=lots"])
+    assert len(caught.value.problems) == 2
+
+
+def test_mock_listens_until_it_is_ended_and_takes_its_file_away() -> None:
+    command = [sys.executable, "-c", "from bench.cli import main; main()", "mock", "--out", "rack.toml"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as rack:
+        assert rack.stdout is not None
+        assert "VIRTUAL LAB" in rack.stdout.readline()
+        assert "listening" in rack.stdout.readline()
+        assert read_toml(Path("rack.toml"))["virtual"] is True
+        assert d2ea("check", "rack.toml") == 0
+        rack.send_signal(signal.SIGTERM)
+        assert rack.wait(timeout=20) == 0
+    assert not Path("rack.toml").exists()

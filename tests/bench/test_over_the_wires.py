@@ -1,0 +1,142 @@
+"""The whole way: campaign, drivers, real ports, mock instruments, virtual lab."""
+
+import numpy as np
+import pytest
+
+from bench.campaign import CampaignOutcome, Job, run_campaign
+from bench.config import BenchConfig, CampaignConfig, check
+from bench.connect import BenchFaults, inspect_bench
+from bench.errors import CampaignStopped
+from bench.progress import Progress
+from bench.store import Store
+from drivers.clock import StepClock
+from drivers.errors import InstrumentError
+from drivers.mocks.plant import Plant
+from drivers.mocks.rack import Rack
+from tests.bench.fake_bench import memory
+
+PLAN = {"kind": "latin_hypercube", "points": 6, "reference_every": 3, "standby": 1, "no_load": 1}
+CAMPAIGN = check({"name": "six points", "plan": PLAN}, CampaignConfig, file="campaign.toml")
+
+
+def virtual_plant() -> Plant:
+    return Plant.virtual(seed=3, hidden={}, clock=StepClock())
+
+
+def config(rack: Rack) -> BenchConfig:
+    return check(rack.bench_config(), BenchConfig, file="bench.toml")
+
+
+def is_off(plant: Plant) -> bool:
+    state = plant.state()
+    return not state.pwm and state.supply_V == 0.0 and state.load_A == 0.0
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[CampaignOutcome, Store, Plant]:
+    store = Store(f"sqlite:///{tmp_path_factory.mktemp('campaign')}/x.sqlite")
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        outcome = run_campaign(Job.prepare(CAMPAIGN, config(rack)), store, plant.clock)
+    store.close()
+    return outcome, store, plant
+
+
+def test_every_row_is_accepted_and_settled(run: tuple[CampaignOutcome, Store, Plant]) -> None:
+    outcome, _, _ = run
+    assert (outcome.accepted, outcome.rejected, outcome.settled) == (11, 0, 11)
+
+
+def test_the_bench_is_seen_off(run: tuple[CampaignOutcome, Store, Plant]) -> None:
+    outcome, store, plant = run
+    assert is_off(plant)
+    assert outcome.power_off.safe
+    assert store.campaign(1)["power_off"] == "PWM off; load off; supply off"
+
+
+def test_predicted_and_measured_are_stored_and_agree(run: tuple[CampaignOutcome, Store, Plant]) -> None:
+    _, store, _ = run
+    measured = store.measurement_table(1)
+    predicted = store.predictions(1)["predicted_efficiency"].to_numpy(dtype=float)
+    loaded = measured["kind"].isin(["load", "reference"]).to_numpy()
+    gap = measured["efficiency"].to_numpy(dtype=float)[loaded] - predicted[loaded]
+    assert len(gap) == 9
+    # parts off by their tolerance and an analyzer inside its specification: within a point, never equal
+    assert np.all(np.abs(gap) < 0.01)
+    assert np.all(gap != 0)
+
+
+def test_the_set_point_is_what_was_measured(run: tuple[CampaignOutcome, Store, Plant]) -> None:
+    _, store, _ = run
+    table = store.measurement_table(1)
+    loaded = table[table["kind"] == "load"]
+    # the load's register has 52 429 counts for its nominal power, the analyzer 0.05 % + 0.1 % of range
+    np.testing.assert_allclose(loaded["P2_W"], loaded["P_set_W"], rtol=0.01)
+    assert (loaded["u_P2_W"] > 0).all()
+
+
+def test_the_instruments_are_named(run: tuple[CampaignOutcome, Store, Plant]) -> None:
+    _, store, _ = run
+    assert set(store.campaign(1)["instruments"]) == {"analyzer", "supply", "load", "controller"}
+    assert "760304" in store.campaign(1)["instruments"]["analyzer"]
+
+
+def test_the_same_seed_measures_the_same(run: tuple[CampaignOutcome, Store, Plant]) -> None:
+    _, first, _ = run
+    plant = virtual_plant()
+    with Rack(plant) as rack, memory() as second:
+        run_campaign(Job.prepare(CAMPAIGN, config(rack)), second, plant.clock)
+        again = second.measurement_table(1)
+    assert again.equals(first.measurement_table(1))
+
+
+def test_a_check_of_a_good_bench_finds_everyone_and_no_fault() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        found = inspect_bench(config(rack), plant.clock)
+    assert found.faults == []
+    assert list(found.identities) == ["analyzer", "supply", "load", "controller"]
+
+
+def test_a_check_lists_every_fault_at_once() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        bench = rack.bench_config()
+        bench["analyzer"] |= {"resource": "/dev/no-such-port"}  # type: ignore[operator]
+        bench["supply"] |= {"resource": "tcp://127.0.0.1:1"}  # type: ignore[operator]
+        bench["limits"] |= {"power_W": 1e6}  # type: ignore[operator]
+        found = inspect_bench(check(bench, BenchConfig, file="bench.toml"), plant.clock)
+    assert [fault.split(":")[0] for fault in found.faults] == ["analyzer", "supply", "load"]
+    assert "no such port" in found.faults[0]
+    assert "power_W = 1e+06 is needed" in found.faults[2]
+
+
+def test_a_busy_serial_device_is_said_and_nothing_is_switched_on() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack, memory() as store:
+        bench = config(rack)
+
+        def start_another(progress: Progress) -> None:
+            if progress.done == 2:
+                with pytest.raises(BenchFaults, match="another program holds it"):
+                    run_campaign(Job.prepare(CAMPAIGN, bench), store, plant.clock)
+                raise CampaignStopped("seen enough")
+
+        with pytest.raises(CampaignStopped, match="seen enough"):
+            run_campaign(Job.prepare(CAMPAIGN, bench), store, plant.clock, progress=start_another)
+        assert store.campaign(2)["power_off"] == "nothing was switched on"
+    assert is_off(plant)
+
+
+def test_a_plug_pulled_in_the_middle_leaves_what_can_be_reached_off() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack, memory() as store:
+
+        def pull(progress: Progress) -> None:
+            if progress.done == 3:
+                rack.analyzer_server.stop()
+
+        with pytest.raises(InstrumentError):
+            run_campaign(Job.prepare(CAMPAIGN, config(rack)), store, plant.clock, progress=pull)
+        assert is_off(plant)
+        assert store.campaigns()[0]["state"] == "failed"

@@ -1,0 +1,268 @@
+"""The report and the overview picture: complete, self-contained, honest about what they show."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import matplotlib.image
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.bands import power_bands
+from bench.charts import channel_residuals, efficiency_maps, loss_breakdown
+from bench.figures import overview_png
+from bench.report import ReportData, actions, write_report
+
+CAUSE = {
+    "effect": "link_resistance",
+    "probability": 0.997,
+    "share_of_gap": 0.91,
+    "parameters": [{"name": "resistance_Ohm", "value": 0.071, "ci95": [0.066, 0.077], "off": 0.0}],
+    "tied_with": [],
+    "says": "the ac link has more series resistance than modelled",
+    "check": "measure the ac link with four wires",
+}
+DIAGNOSIS = {
+    "schema": 1,
+    "verdict": "named",
+    "points": 60,
+    "gap": {"mean_abs_efficiency": 0.0121, "mean_loss_W": 9.8},
+    "causes": [CAUSE, CAUSE | {"effect": "core_loss_inductor", "probability": 0.001}],
+    "groups": [["auxiliary_power", "analyzer_offset"]],
+    "unknown": {"probability": 0.01, "formula": None},
+    "next": [{"action": "standby", "separates": ["auxiliary_power"], "expected_sigma": 8.2, "minutes": 1.5}],
+    "gain": {"blocks": "power band", "before": 0.0121, "after": 0.0004, "ci95": [0.011, 0.012]},
+    "model": "out/model.toml",
+    "rejected_rows": [{"row": 3, "column": "P2_W", "value": "0.6", "reason": "looks like kilowatts"}],
+}
+SUMMARY = {
+    "points": 60,
+    "sim_points": 500,
+    "sim_feasible": 400,
+    "seconds": {"simulate": 2.0, "campaign": 14.0, "total": 16.0},
+    "error": {"simulation_only": 0.012, "d2ea": 0.003, "calibrated": None},
+    "optimum": [
+        {"P_W": 500.0, "D1": 0.7, "D2": 0.2, "predicted": 0.981, "measured": 0.9805},
+        {"P_W": 1500.0, "D1": 0.9, "D2": 0.1, "predicted": 0.973, "measured": None},
+    ],
+    "hidden": ["link_resistance"],
+    "found": True,
+}
+MINIMAL = {"schema": 1, "verdict": "consistent", "causes": [], "gain": None}
+
+
+@pytest.fixture
+def data():
+    axes = np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 6), np.linspace(200, 2000, 10), indexing="ij")
+    D1, D2, power_W = (axis.ravel() for axis in axes)
+    feasible = power_W < 2300 * D1 * (1 - D2)
+    efficiency = np.where(feasible, 0.98 - 0.05 * (D1 - 0.8) ** 2, np.nan)
+    simulation = pd.DataFrame(
+        {"D1": D1, "D2": D2, "P_set_W": power_W, "feasible": feasible, "efficiency": efficiency}
+    )
+    rng = np.random.default_rng(0)
+    rows = pd.DataFrame(
+        {"D1": rng.random(60), "D2": rng.random(60), "P2_W": rng.uniform(150, 2100, 60), "kind": "load"}
+    )
+    rows = rows.assign(sim_efficiency=0.97, efficiency=0.97 - 0.01 * rows["D2"], D0=0.2, sim_D0=0.19)
+    standby = pd.DataFrame({"kind": ["standby"], "P1_W": [6.0]})
+    losses = pd.DataFrame(
+        {"P_set_W": [500.0, 1500.0], "loss_inductor_core_W": [1.0, 2.0], "loss_added_W": [0.0, 0.0]}
+    )
+    return ReportData(
+        title="A <run>",
+        bench="bench 7",
+        virtual=True,
+        created="2024-11-05",
+        simulation=simulation,
+        measurements=pd.concat([standby, rows], ignore_index=True),
+        losses=losses,
+        summary=SUMMARY,
+        diagnosis=DIAGNOSIS,
+        power_off={"confirmed": True, "devices": {"supply": "off, read back 0.0 V"}},
+        optimiser={"name": "PSO-SAVL", "evaluations": 500, "regret": 0.0012},
+    )
+
+
+def page(data, tmp_path):
+    write_report(tmp_path / "report.html", data)
+    return (tmp_path / "report.html").read_text()
+
+
+def body(data, tmp_path):
+    """The page without Plotly's own source."""
+    return re.sub(r"<script>/\*\*.*?</script>", "", page(data, tmp_path), flags=re.S)
+
+
+def test_one_file_that_loads_nothing(data, tmp_path):
+    text = page(data, tmp_path)
+    assert text.count("plotly.js v") == 1
+    assert not re.search(r"<(script|img|iframe)[^>]*\ssrc=|<link\b|@import", body(data, tmp_path))
+
+
+def test_a_virtual_lab_says_so_and_a_real_bench_does_not(data, tmp_path):
+    virtual, real = body(data, tmp_path), body(replace(data, virtual=False), tmp_path)
+    assert virtual.count("VIRTUAL LAB") == 2  # window title and banner
+    assert "VIRTUAL" not in real
+    assert "irtual lab:" not in real
+
+
+def test_an_unconfirmed_power_off_comes_first(data, tmp_path):
+    unsafe = replace(data, power_off={"confirmed": False, "devices": {"supply": "no reply"}})
+    text = body(unsafe, tmp_path)
+    assert text.index("POWER-OFF NOT CONFIRMED") < text.index("<h1>")
+    assert "by hand" in actions(unsafe)[0]
+    assert "POWER-OFF NOT CONFIRMED" not in body(data, tmp_path)
+
+
+def test_the_verdict_stands_above_its_evidence(data, tmp_path):
+    text = body(data, tmp_path)
+    order = [
+        "Cause named: link resistance<",
+        "What to do",
+        "resistance 71 mΩ (95 %: 66 to 77)",
+        "What the diagnosis gains",
+    ]
+    order += ["Errors of the models", "Best modulation over load", "What the run cost", "Power-off confirmed"]
+    places = [text.index(part) for part in order]
+    assert places == sorted(places)
+
+
+def test_numbers_are_those_of_the_data(data, tmp_path):
+    text = body(data, tmp_path)
+    for said in (
+        "1.210",
+        "0.040 points",
+        "99.7 %",
+        "400 can carry their power (80 %)",
+        "98.05 %",
+        "0.1200 points better",
+    ):
+        assert said in text
+    assert "not computed" in text  # the calibrated model is absent, and that is said
+    assert "4 times smaller" in text  # 0.012 against 0.003
+
+
+def test_actions_follow_the_verdict(data):
+    assert actions(data) == [
+        "Check link resistance: measure the ac link with four wires.",
+        "Simulate with the extended model from now on: out/model.toml.",
+    ]
+    tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group"}))
+    assert tied[-1] == "Measure next: standby (about 1.5 min), to tell auxiliary power apart."
+    assert "Nothing needs changing" in actions(replace(data, diagnosis=MINIMAL))[0]
+
+
+def test_words_from_outside_are_escaped(data, tmp_path):
+    nasty = "</script><script>alert(1)</script>"
+    text = body(replace(data, notes=(nasty,), bench=nasty), tmp_path)
+    assert "<title>VIRTUAL LAB – A &lt;run&gt;</title>" in text
+    assert nasty not in text
+    odd = data.losses.rename(columns={"loss_inductor_core_W": f"loss_{nasty}_W"})
+    assert nasty not in body(replace(data, losses=odd), tmp_path)
+
+
+def test_a_run_without_diagnosis_optimum_or_losses_still_gives_a_report(data, tmp_path):
+    bare = replace(
+        data, diagnosis=MINIMAL, summary={"points": 60}, losses=data.losses[["P_set_W"]], optimiser={}
+    )
+    text = body(bare, tmp_path)
+    assert "Simulation and measurement agree" in text
+    assert 'id="chart-maps"' in text
+    assert not re.search(r'id="chart-(gain|optimum|losses|errors)"', text)
+    overview_png(tmp_path / "bare.png", bare)
+
+
+def test_an_optimum_that_was_not_measured_is_shown_as_such(data, tmp_path):
+    rows = [row | {"measured": None} for row in SUMMARY["optimum"]]
+    unmeasured = replace(data, summary=SUMMARY | {"optimum": rows})
+    assert "Best measured" not in body(unmeasured, tmp_path)
+    overview_png(tmp_path / "unmeasured.png", unmeasured)
+
+
+def test_what_was_hidden_is_revealed_with_the_outcome(data, tmp_path):
+    assert "link resistance – found." in body(data, tmp_path)
+    missed = replace(data, summary=SUMMARY | {"found": False})
+    assert "link resistance – not found." in body(missed, tmp_path)
+
+
+def test_every_axis_is_labelled_with_its_unit(data, tmp_path):
+    figures = re.findall(r'id="data-(\w+)">(.*?)</script>', body(data, tmp_path), flags=re.S)
+    assert {name for name, _ in figures} == {"gain", "errors", "optimum", "maps", "channels", "losses"}
+    for name, text in figures:
+        layout = json.loads(text)["layout"]
+        titles = [axis["title"]["text"] for key, axis in layout.items() if "axis" in key and "title" in axis]
+        assert titles, name
+        assert all("(" in title for title in titles), titles
+
+
+def test_every_measured_point_is_in_one_band(data):
+    bands = power_bands(data.simulation, data.measurements)
+    assert [band.power_W for band in bands] == [600.0, 1000.0, 1600.0]
+    assert sum(len(band.measured) for band in bands) == 60
+    for band in bands:
+        assert band.measured["P2_W"].between(band.low_W, band.high_W).all()
+
+
+def test_the_difference_drawn_is_measured_less_simulated(data):
+    figure = efficiency_maps(data.simulation, data.measurements)
+    for trace in figure.data[2::3]:
+        np.testing.assert_allclose(
+            trace.marker.color, -1.0 * np.asarray(trace.y), atol=1e-9
+        )  # points: 100 · (-0.01 · D2)
+
+
+def test_infeasible_cells_are_blank(data):
+    heat = efficiency_maps(data.simulation, data.measurements).data[0]
+    assert np.isnan(heat.z[list(heat.y).index(1.0)]).all()  # D2 = 1 carries nothing
+
+
+def test_a_channel_needs_both_columns(data):
+    rows = data.measurements.iloc[1:].assign(T_heatsink_C=40.0)
+    titles = [a.text for a in channel_residuals(rows).layout.annotations]
+    assert titles == ["efficiency", "D0"]
+    assert channel_residuals(rows.drop(columns=["sim_efficiency", "sim_D0"])) is None
+
+
+def test_loss_parts_stack_to_the_total(data):
+    figure = loss_breakdown(data.losses)
+    assert [trace.name for trace in figure.data] == [
+        "inductor core"
+    ]  # a part that loses nothing is not drawn
+    assert list(figure.data[0].y) == [1.0, 2.0]
+
+
+def test_the_overview_is_a_picture_of_its_size_and_labelled_virtual(data, tmp_path):
+    yellow = np.array([0xFF, 0xD8, 0x3D]) / 255
+    counts = []
+    for virtual in (True, False):
+        overview_png(tmp_path / "overview.png", replace(data, virtual=virtual))
+        image = matplotlib.image.imread(tmp_path / "overview.png")[..., :3]
+        assert image.shape == (900, 1600, 3)
+        counts.append(int((np.abs(image - yellow).max(axis=2) < 0.01).sum()))
+    assert counts[0] > 5000  # the label is about 580 x 28 pixels
+    assert counts[1] == 0
+
+
+def test_a_browser_draws_every_chart(data, tmp_path):
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("missing program: chromium")
+    write_report(tmp_path / "report.html", data)
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=20000", "--dump-dom"]
+    done = subprocess.run(
+        [browser, *options, (tmp_path / "report.html").as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    drawn = re.findall(
+        r'id="chart-(\w+)"[^>]*class="[^"]*js-plotly-plot|class="chart js-plotly-plot" id="chart-(\w+)"',
+        done.stdout,
+    )
+    assert {a or b for a, b in drawn} == {"gain", "errors", "optimum", "maps", "channels", "losses"}
