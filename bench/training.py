@@ -27,7 +27,7 @@ from models.surrogate import (
     train_simulator_first,
 )
 from sim.model import Model
-from sim.simulate import Points, grid, simulate
+from sim.simulate import Points, can_run, grid, simulate
 
 KINDS = (SIMULATION_ONLY, EXPERIMENT_ONLY, D2EA, SIMULATOR_FIRST)
 LEAST_ROWS = 10  # fewer leave no held-out part to speak of
@@ -49,7 +49,7 @@ def efficiency_of(model: Model) -> Callable[[Floats, Floats, Floats], Floats]:
 
 def feasible_of(model: Model) -> Callable[[Floats, Floats, Floats], Bools]:
     """The simulator as a mask for ``models``: whether points (N,) carry their power."""
-    return lambda D1, D2, power_W: simulate(model, Points(D1=D1, D2=D2, power_W=power_W)).feasible
+    return lambda D1, D2, power_W: can_run(model, Points(D1=D1, D2=D2, power_W=power_W))
 
 
 def simulated_table(model: Model) -> pd.DataFrame:

@@ -89,7 +89,9 @@ def calibrate(refinery: Refinery, fit: Fit, noise: list[ChannelNoise]) -> Calibr
     p = observations.points
     where = np.stack([p.D1, p.D2, p.power_W], axis=1)
     empty = Leftover(
-        place=where[observations.row[usable]], weight=np.zeros(int(usable.sum())), length=length_scale(observations)
+        place=where[observations.row[usable]],
+        weight=np.zeros(int(usable.sum())),
+        length=length_scale(observations),
     )
     return CalibratedPhysics(
         model=model,

@@ -23,6 +23,7 @@ _POWER = 2e-7  # of the output power, relative with 10 W as the least scale: ins
 _COARSE = 1e-4  # enough while temperatures still move
 _KELVIN = 1e-4  # moves a loss of 10 W by 4 uW
 _LEAST_W = 10.0
+_MODERATE_K = 20.0  # above ambient
 
 AT_INPUT = (
     "primary_outer_conduction", "primary_inner_conduction", "primary_clamp_conduction",
@@ -219,6 +220,12 @@ def operate(converter: Converter, points: Points, warm: WarmStart | None = None)
         if not busy.size:
             break
     return station.solve(_POWER)
+
+
+def carries(converter: Converter, points: Points) -> NDArray[np.bool_]:
+    """Whether N points can run, at the temperatures of a moderate load: a first look, without the fixed point."""
+    warm = replace(points, ambient_C=np.asarray(points.ambient_C) + _MODERATE_K)
+    return _start(converter, warm, None).solve(_COARSE).regulated.reached
 
 
 def _put(station: _Station, rows: NDArray[np.intp], part: _Station) -> None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, operate
+from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, carries, operate
 from sim.model import Model
 from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse
 from sim.operating_points import Points, grid
@@ -23,7 +23,7 @@ from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick, stack
 
-__all__ = ["PARTS", "Points", "Result", "grid", "simulate", "simulate_many"]
+__all__ = ["PARTS", "Points", "Result", "can_run", "grid", "simulate", "simulate_many"]
 
 Array = NDArray[np.float64]
 
@@ -82,6 +82,19 @@ def simulate_many(models: Sequence[Model], points: Points) -> list[Result]:
         for k, model in enumerate(variants):
             results.append(_result(model, points, solved.rows(slice(k * size, (k + 1) * size))))
     return results
+
+
+def can_run(model: Model, points: Points) -> NDArray[np.bool_]:
+    """Whether points can run, several times faster than :func:`simulate` and without its fixed point.
+
+    Parts are taken 20 K above ambient; at the very limit of what D1 and D2 carry the two may differ.
+    """
+    moved, converter = model.set_points(points), model.altered_converter()
+    runs = _refused(converter, moved) == ""
+    tried = np.flatnonzero(runs & np.asarray(points.pwm, dtype=bool))
+    if tried.size:
+        runs[tried] = carries(pick(converter, tried), moved.take(tried))
+    return runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,6 +20,7 @@ from bench.store import Store, database_url
 from bench.training import KINDS, LEAST_ROWS, Trained, efficiency_of, feasible_of, simulated_table, train
 from models.feasibility import FeasibleMap
 from models.optimise import optimise as find_optimum
+from models.pso import PSO_SAVL_POLISHED
 from models.registry import ModelRecord, Registry, RegistryError
 from models.screening import LOADED_KINDS
 from models.surrogate import D2EA
@@ -114,7 +115,7 @@ def optimise(
     converter = simulator.altered_converter()
     edge_gap = float(2 * converter.dead_time_s * converter.frequency_Hz)
     mask = FeasibleMap.build(feasible_of(simulator), loads_W, edge_gap=edge_gap)
-    optimum = find_optimum(model, loads_W, mask, seed=seed)
+    optimum = find_optimum(model, loads_W, mask, seed=seed, optimiser=PSO_SAVL_POLISHED)
     write_lut(optimum, out_file, model=record.id)
     table = Table("P / W", "D1", "D2", "predicted", "regret / points", box=None)
     found = (optimum.power_W, optimum.D1, optimum.D2, optimum.predicted * POINTS, optimum.regret * POINTS)

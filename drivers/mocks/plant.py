@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from drivers.clock import Clock, StepClock
 from drivers.mocks.lab.instruments import read_element
 from drivers.mocks.lab.laboratory import Electrical, Laboratory
-from drivers.mocks.lab.waveforms import Heat
+from drivers.mocks.lab.waveforms import Demand, Heat
 
 Array = NDArray[np.float64]
 
@@ -72,8 +72,8 @@ def _one(value: float) -> Array:
 class _Episode:
     """The plant under one command: where its heat started, and the circuit there and where it will settle.
 
-    Both circuits are None where nothing runs, and before ``solved``: only an episode that somebody looks at,
-    or that lasts, is worth solving.
+    Both circuits are None where nothing runs, and before ``solved``: only an episode that somebody looks at is
+    worth solving, and only one that lasts has an end.
     """
 
     since_s: float
@@ -139,37 +139,46 @@ class Plant:
         self._episode = _Episode(since_s=now_s, heat=heat)
 
     def _look(self) -> _Episode:
-        """The present episode, solved."""
+        """The present episode, solved where it started; and where it will settle, once it has lasted."""
         episode, command = self._episode, self._command
         if not episode.solved:
             runs = command.pwm and not self._faults and command.supply_on and command.supply_V > 0
-            first, last = self._solve(command, episode.heat, episode.since_s) if runs else (None, None)
-            self._episode = episode = replace(episode, solved=True, first=first, last=last)
+            first = self._solve_start(command, episode) if runs else None
+            self._episode = episode = replace(episode, solved=True, first=first)
+        if episode.first is not None and episode.last is None and self.clock.now() > episode.since_s:
+            last = self._solve_end(command, episode, episode.first)
+            self._episode = episode = replace(episode, last=last)
         return episode
 
-    def _solve(
-        self, command: Command, heat: Heat, now_s: float
-    ) -> tuple[Electrical | None, Electrical | None]:
-        """The circuit at the present heat and at the heat it will settle at; trips where it cannot run."""
-        lab = self.laboratory
+    def _demand(self, command: Command) -> tuple[Demand, Array]:
         power = _one(command.load_W if command.load_on else 0.0)
-        demand = lab.demand(_one(command.D1), _one(command.D2), power, _one(command.supply_V))
-        first = lab.run(demand, power, heat)
+        lab = self.laboratory
+        return lab.demand(_one(command.D1), _one(command.D2), power, _one(command.supply_V)), power
+
+    def _solve_start(self, command: Command, episode: _Episode) -> Electrical | None:
+        """The circuit at the heat an episode starts from; trips where it cannot run."""
+        lab = self.laboratory
+        demand, power = self._demand(command)
+        first = lab.run(demand, power, episode.heat)
         if not first.running[0]:
             self._faults = ("output_undervoltage",)
-            return None, None
-        ambient = lab.ambient_C(_one(now_s))
-        end = lab.final_heat(first.losses, ambient)
-        last = lab.run(demand, power, end, first)
-        if np.abs(end.heatsink_C - heat.heatsink_C)[0] > _FAR_K:
-            last = lab.run(demand, power, lab.final_heat(last.losses, ambient), last)
-        if not last.running[0]:
-            last = first
-        _, P1 = lab.input_terminals(first, heat.heatsink_C, now_s)
+            return None
+        _, P1 = lab.input_terminals(first, episode.heat.heatsink_C, episode.since_s)
         if P1[0] > command.supply_V * command.supply_limit_A > 0:
             self._faults = ("input_undervoltage",)
-            return None, None
-        return first, last
+            return None
+        return first
+
+    def _solve_end(self, command: Command, episode: _Episode, first: Electrical) -> Electrical:
+        """The circuit at the heat an episode will settle at; the first one where it cannot run so hot."""
+        lab = self.laboratory
+        demand, power = self._demand(command)
+        ambient = lab.ambient_C(_one(episode.since_s))
+        end = lab.final_heat(first.losses, ambient)
+        last = lab.run(demand, power, end, first)
+        if np.abs(end.heatsink_C - episode.heat.heatsink_C)[0] > _FAR_K:
+            last = lab.run(demand, power, lab.final_heat(last.losses, ambient), last)
+        return last if last.running[0] else first
 
     # state
 
@@ -202,7 +211,8 @@ class Plant:
 
     def _state(self, now_s: float, heat: Heat, way: float) -> PlantState:
         command, lab = self._command, self.laboratory
-        first, last = self._episode.first, self._episode.last
+        first = self._episode.first
+        last = self._episode.last or first
 
         def between(name: str) -> float:
             return float(getattr(first, name)[0] * (1 - way) + getattr(last, name)[0] * way)
@@ -234,7 +244,8 @@ class Plant:
 
     def _supply(self, now_s: float, heat: Heat, way: float) -> tuple[float, float]:
         """Voltage and power at the supply's terminals."""
-        command, lab, first, last = self._command, self.laboratory, self._episode.first, self._episode.last
+        command, lab, first = self._command, self.laboratory, self._episode.first
+        last = self._episode.last or first
         if not command.supply_on:
             return 0.0, 0.0
         if first is None or last is None:
@@ -266,19 +277,12 @@ class Plant:
                     self.laboratory.errors, element, [np.asarray(x) for x in triple], rng
                 )
                 if element == 1:
-                    amps, watts = self._port_quirks(amps, watts, state)
+                    volts, amps, watts = self.laboratory.port_1(volts, amps, watts)
                 most_V, most_A = (_OVERRANGE * ranges.get(f"{q}{element}", np.inf) for q in "UI")
                 over = bool(volts > most_V or abs(amps) > most_A)
                 values = (np.inf,) * 3 if over else (float(volts), float(amps), float(watts))
                 shown |= dict(zip((f"U{element}", f"I{element}", f"P{element}"), values, strict=True))
             return shown
-
-    def _port_quirks(self, amps: Array, watts: Array, state: PlantState) -> tuple[Array, Array]:
-        """What is wrong with port 1 beyond its specification: the lower range's step, gain and offset."""
-        quirks = self.laboratory.quirks
-        step = 1 + quirks.low_range_step if state.supply_A < quirks.low_range_A else 1.0
-        gain, offset_A = 1 + quirks.input_gain, quirks.input_offset_A
-        return amps * step * gain + offset_A, watts * step * gain + offset_A * state.supply_V
 
     def _elements(self, state: PlantState) -> dict[int, tuple[float, float, float]]:
         """Truth at the four elements: rms voltage, current, power."""

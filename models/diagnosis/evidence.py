@@ -216,9 +216,7 @@ def posterior(refinery: Refinery, covariance: Covariances) -> list[Hypothesis]:
     weights: list[tuple[Fit, float, float]] = []
     for amplitude in (0.0, *AMPLITUDES_W):
         share = 1 - _LEFTOVER if amplitude == 0.0 else _LEFTOVER / len(AMPLITUDES_W)
-        whitener = (
-            refinery.whitener if amplitude == 0.0 else Whitener.of(covariance.with_leftover(amplitude))
-        )
+        whitener = refinery.whitener if amplitude == 0.0 else Whitener.of(covariance.with_leftover(amplitude))
         base = log_likelihood(refinery.residual, whitener) + float(np.log(share))
         for fit, prior in [(nothing, _CONSISTENT), *((fit, each) for fit in effects)]:
             weighed = fit if amplitude == 0.0 else _laplace(fit, refinery.residual, whitener)[0]

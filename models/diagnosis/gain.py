@@ -55,7 +55,9 @@ def _value_on(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bo
     return np.asarray(fit.shift + fit.slope * step)
 
 
-def _leftover_on(covariance: Covariances, residual: Array, rows: NDArray[np.bool_], amplitude_W: float) -> Array:
+def _leftover_on(
+    covariance: Covariances, residual: Array, rows: NDArray[np.bool_], amplitude_W: float
+) -> Array:
     """A leftover fitted on some readings, at all readings."""
     whole = amplitude_W**2 * covariance.leftover
     inside = Whitener.of(covariance.plain[np.ix_(rows, rows)] + whole[np.ix_(rows, rows)])

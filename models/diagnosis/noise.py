@@ -51,7 +51,9 @@ def _groups(observations: Observations) -> list[NDArray[np.intp]]:
     return [g.sort_values("_order").index.to_numpy() for _, g in grouped if len(g) > 1]
 
 
-def _differences(observations: Observations, residual: Array, name: str, groups: list[NDArray[np.intp]]) -> Array:
+def _differences(
+    observations: Observations, residual: Array, name: str, groups: list[NDArray[np.intp]]
+) -> Array:
     """Scaled differences of successive replicates' residuals, one sigma of noise each."""
     mask = observations.of(name)
     by_row = np.full(len(observations.frame), np.nan)

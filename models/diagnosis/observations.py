@@ -45,7 +45,15 @@ CHANNELS: tuple[Channel, ...] = (
 )
 _BY_NAME = {channel.name: channel for channel in CHANNELS}
 _IN_STANDBY = {"efficiency"}
-_WITHOUT_LOAD = {"efficiency", "D0", "I_L_rms_A", "P_link1_W", "T_heatsink_C", "T_transformer_C", "T_inductor_C"}
+_WITHOUT_LOAD = {
+    "efficiency",
+    "D0",
+    "I_L_rms_A",
+    "P_link1_W",
+    "T_heatsink_C",
+    "T_transformer_C",
+    "T_inductor_C",
+}
 LOADED = ("load", "reference")
 
 

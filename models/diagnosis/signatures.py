@@ -18,7 +18,9 @@ _VOLTAGE_GAIN = 3e-4  # of a dc voltage: 0.05 % of reading, uniform
 _P2_NOISE = 1e-4  # of reading, one averaged reading
 _COLLINEAR = 0.9999
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
-_STEP = 0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
+_STEP = (
+    0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +56,6 @@ class Signatures:
     spreads: Array
     input_sigma: Array
 
-
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
         slopes = np.stack([s.slope for s in self.effects])
@@ -78,7 +79,9 @@ def step_of(entry: Effect) -> float:
     return step if entry.headline.off + step <= entry.headline.upper else -step
 
 
-def signatures(observations: Observations, baseline: Model, without: frozenset[str] = frozenset()) -> Signatures:
+def signatures(
+    observations: Observations, baseline: Model, without: frozenset[str] = frozenset()
+) -> Signatures:
     """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call."""
     entries = [
         (name, entry, other)

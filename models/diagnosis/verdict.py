@@ -44,7 +44,11 @@ class Verdict:
 def isolability(a: Fit, b: Fit, whitener: Whitener) -> float:
     """How many sigmas of a's fitted shift b cannot imitate: ||(I - P_b) s_a|| in whitened residuals."""
     weighted = whitener.solve(np.stack([a.shift, b.shift], axis=1))
-    aa, ab, bb = float(a.shift @ weighted[:, 0]), float(a.shift @ weighted[:, 1]), float(b.shift @ weighted[:, 1])
+    aa, ab, bb = (
+        float(a.shift @ weighted[:, 0]),
+        float(a.shift @ weighted[:, 1]),
+        float(b.shift @ weighted[:, 1]),
+    )
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
 
 
@@ -91,7 +95,11 @@ def judge(hypotheses: list[Hypothesis], whitener: Whitener) -> Verdict:
         kind = "unknown"
     tied = group if kind == "group" else ()
     shown = [
-        Cause(fit=c.fit, probability=c.probability, tied_with=tuple(n for n in tied if n != c.effect and c.effect in tied))
+        Cause(
+            fit=c.fit,
+            probability=c.probability,
+            tied_with=tuple(n for n in tied if n != c.effect and c.effect in tied),
+        )
         for c in causes
         if c.probability >= 1e-3
     ]

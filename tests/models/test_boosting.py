@@ -30,7 +30,7 @@ def test_boxes_sum_to_the_prediction(trees):
 
 def test_leaves_at_a_power_are_those_that_hold_there(trees):
     boxes = trees.boxes()
-    holds = (boxes.low[:, 2] <= 700.0) & (700.0 < boxes.high[:, 2])
+    holds = (boxes.low[:, 2] <= 700.0) & (boxes.high[:, 2] > 700.0)
     assert 0 < holds.sum() < len(holds)
     np.testing.assert_array_equal(boxes.at_power(700.0).value, boxes.value[holds])
 

@@ -62,7 +62,7 @@ def test_demanded_power_arrives(baseline_grid: Result) -> None:
 def test_every_loss_is_a_loss(baseline_grid: Result) -> None:
     feasible = baseline_grid.feasible
     for part in PARTS:
-        assert baseline_grid[f"loss_{part}_W"][feasible].min() >= 0, part
+        assert baseline_grid[f"loss_{part}_W"][feasible].min() > -1e-9, part  # rounding of nothing lost
 
 
 def test_a_secondary_loss_moves_d0() -> None:
@@ -70,8 +70,9 @@ def test_a_secondary_loss_moves_d0() -> None:
     switch = base.secondary.switch
     lossy = replace(switch, turn_off=replace(switch.turn_off, energy_J=5e-4))
     other = replace(base, secondary=replace(base.secondary, switch=lossy))
-    D0, before = (simulate(Model(converter=c), points)["D0"] for c in (other, base))
-    assert np.median(D0 - before) > 1e-4  # 1 W more through a slope of some 5 kW per Th
+    after, before = (simulate(Model(converter=c), points)["D0"] for c in (other, base))
+    assert np.all(after > before)
+    assert np.max(after - before) > 1e-4  # 1 W more through a slope of some 5 kW per Th
 
 
 def test_a_primary_loss_does_not_move_d0() -> None:
@@ -86,7 +87,7 @@ def test_a_primary_loss_does_not_move_d0() -> None:
         Model(converter=replace(base, primary=replace(base.primary, inner=i))) for i in (lossy, lossless)
     ]
     after, before = (simulate(model, points) for model in models)
-    assert np.median(after["P1_W"] - before["P1_W"]) > 5.0
+    assert np.max(after["P1_W"] - before["P1_W"]) > 1.0  # where the inner switches turn off a current
     np.testing.assert_allclose(after["D0"], before["D0"], atol=1e-7)  # regulation's 2e-7 of the power
 
 
@@ -156,13 +157,14 @@ def test_no_load_runs(D1: float, D2: float) -> None:
     assert result["P2_W"][0] == pytest.approx(0.0, abs=1e-5)  # 10 W is the least scale of the tolerance
 
 
-def test_standby_takes_the_auxiliary_power_only() -> None:
-    model = Model.baseline().with_effect("auxiliary_power", power_W=4.0)
-    result = simulate(model, Points(D1=1.0, D2=0.0, power_W=[0.0, 500.0], pwm=[False, True]))
+def test_standby_takes_nothing_but_shows_the_offset() -> None:
+    points = Points(D1=1.0, D2=0.0, power_W=[0.0, 500.0], pwm=[False, True])
+    result = simulate(Model.baseline().with_effect("auxiliary_power", power_W=4.0), points)
+    shown = simulate(Model.baseline().with_effect("analyzer_offset", current_A=0.02), points)
     assert result.feasible.all()
-    assert result["P1_W"][0] == 4.0
-    assert result["I1_A"][0] == pytest.approx(4.0 / 300.0)
-    assert np.isnan(result["efficiency"][0]) or result["efficiency"][0] == 0.0
+    assert result["P1_W"][0] == 0.0
+    assert np.isnan(result["efficiency"][0])
+    assert shown["P1_W"][0] == pytest.approx(0.02 * 300.0)
 
 
 def test_many_variants_at_once_are_each_as_alone() -> None:
@@ -203,7 +205,8 @@ def test_efficiency_is_that_of_a_good_converter(baseline_grid: Result) -> None:
 def test_soft_switching_flags_are_shares_of_none_or_all(baseline_grid: Result) -> None:
     for edge in ("primary_rise", "primary_fall", "secondary_lead", "secondary_lag"):
         flag = baseline_grid[f"zvs_{edge}"][baseline_grid.feasible]
-        assert set(np.unique(flag)) == {0.0, 1.0}, edge
+        assert set(np.unique(flag)) <= {0.0, 1.0}, edge
+        assert np.mean(flag) > 0.2, edge  # most of the map switches softly at each edge
 
 
 def test_the_table_holds_inputs_flags_and_every_result(baseline_grid: Result) -> None:

@@ -1,5 +1,7 @@
 """The exact orbit against plain integration in time, written anew from the circuit's law."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -23,12 +25,14 @@ def slope(c: Circuit, vp: Array, nvs: Array, i: Array) -> Array:
 def from_rest(case: Case, periods: int, steps: int) -> tuple[Array, Array]:
     """Start current and rms of the last period, by Heun's rule between the bridges' instant steps."""
     c, flips = case.circuit, np.mod(case.edges + case.orbit.delay, 2.0)
-    moments = np.sort(np.concatenate([flips, np.mod(flips + 1.0, 2.0), 0 * flips[:1], 0 * flips[:1] + 2.0]), 0)
+    moments = np.sort(
+        np.concatenate([flips, np.mod(flips + 1.0, 2.0), 0 * flips[:1], 0 * flips[:1] + 2.0]), 0
+    )
     i, square, start = np.zeros(flips.shape[1]), 0.0, 0.0
     for period in range(periods):
         if period == periods - 1:
             start = i
-        for begin, end in zip(moments[:-1], moments[1:], strict=True):
+        for begin, end in pairwise(moments):
             up = np.where(np.mod(0.5 * (begin + end) - flips, 2.0) < 1.0, 0.5, -0.5)
             vp, nvs = c.V1_V * (up[0] + up[1]), c.nV2_V * (up[2] + up[3])
             h = (end - begin) * c.half_period_s / steps

@@ -19,7 +19,7 @@ _TAIL = 6.0  # degrees of freedom of the noise: heavier tails than normal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentErrors:
-    """The fixed errors of one lab's instruments, drawn once."""
+    """The fixed errors of one lab's instruments, drawn once; ``noise`` scales what comes on top."""
 
     voltage_gain: dict[int, float]
     current_gain: dict[int, float]
@@ -28,6 +28,7 @@ class InstrumentErrors:
     temperature_K: dict[str, float]
     output_sense: float
     supply_V: float
+    noise: float = 1.0
 
 
 def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
@@ -60,7 +61,7 @@ def read_element(
 
     def noise() -> Array:
         draw = rng.standard_t(_TAIL, np.shape(watts)) * np.sqrt((_TAIL - 2) / _TAIL)
-        return np.asarray(1 + _NOISE[element] * draw)
+        return np.asarray(1 + errors.noise * _NOISE[element] * draw)
 
     offset_W = offset_A * volts + errors.offset_W[element]
     shown_W = watts * gain_U * gain_I * noise() + offset_W * (1 + 0.05 * (noise() - 1))

@@ -5,7 +5,7 @@ time along the clock, trial generators run a whole campaign at once.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -64,6 +64,17 @@ class Laboratory:
         chosen = drawn_values(hidden or {}, values)
         converter, quirks = hide(draw_converter(parts), chosen)
         return cls(converter=converter, quirks=quirks, errors=draw_instruments(instruments), hidden=chosen)
+
+    def without_noise(self) -> Self:
+        """This lab with instruments that keep their fixed errors and lose their noise."""
+        return replace(self, errors=replace(self.errors, noise=0.0))
+
+    def port_1(self, volts: Array, amps: Array, watts: Array) -> tuple[Array, Array, Array]:
+        """What element 1 shows with all that is wrong with it beyond its specification."""
+        quirks = self.quirks
+        step = np.where(amps < quirks.low_range_A, 1 + quirks.low_range_step, 1.0)
+        gain, offset_A = step * (1 + quirks.input_gain), quirks.input_offset_A
+        return volts, amps * gain + offset_A, watts * gain + offset_A * volts
 
     def ambient_C(self, time_s: Array | float) -> Array:
         """The room's temperature."""

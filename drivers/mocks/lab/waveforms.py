@@ -120,4 +120,4 @@ def lab_orbit(
     circuit = lab_circuit(converter, heat, demand)
     edges = hybrid_edges(-centre_offset(demand.D1, demand.D2), demand.D1, demand.D2)
     edges[2:] += converter.secondary_delay_s / converter.half_period_s
-    return circuit, regulate(circuit, edges, demand.power_W + secondary_W, warm=warm, tolerance=1e-6)
+    return circuit, regulate(circuit, edges, demand.power_W + secondary_W, warm=warm, tolerance=1e-5)

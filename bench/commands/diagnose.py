@@ -1,0 +1,109 @@
+"""The verb diagnose: what the simulation gets wrong, why, how sure, what to do."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from bench.commands.campaigns import read_measurements
+from bench.commands.options import Database
+from bench.commands.streams import err, out, stamp
+from bench.errors import InputError
+from bench.model_file import write_model
+from bench.prediction import model_from
+from bench.store import Store, database_url
+from bench.table_file import write_table
+from bench.toml_file import write_atomically
+from bench.wording import effect_name, parameter_text, verdict_text
+
+app = typer.Typer()
+
+
+@app.command()
+def diagnose(
+    data: Annotated[
+        str, typer.Argument(metavar="FILE.csv|CAMPAIGN_ID", help="a measurement table, or a campaign")
+    ],
+    out_dir: Annotated[Path, typer.Option("--out", metavar="DIR", help="where the results go")] = Path(
+        "diagnosis"
+    ),
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.toml", help="simulation to compare with; else the baseline")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="the answer for programs")
+    ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(metavar="EFFECT", help="leave an effect out of the catalogue")
+    ] = None,
+    db: Database = None,
+) -> None:
+    """Name what the simulation gets wrong, with evidence; extend the model; measure the gain."""
+    from models.diagnosis.diagnose import diagnose as find_cause  # here: scipy and the simulator load slowly
+
+    frame, campaign_id, virtual = measured(data, db)
+    stamp(virtual)
+    found = find_cause(
+        frame, model_from(model), without=without or (), progress=lambda said: err.print(escape(said))
+    )
+    out_dir.mkdir(parents=True, exist_ok=True)
+    write_model(out_dir / "model.toml", found.extended)
+    plain = found.as_plain(str(out_dir / "model.toml"))
+    text = json.dumps(plain, indent=1, allow_nan=False, default=float)
+    for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
+        write_atomically(path, text)
+    write_table(found.residual_table(), out_dir / "residuals.csv")
+    if campaign_id is not None:
+        with Store(database_url(db)) as store:
+            store.add_diagnosis(plain, campaign_id=campaign_id)
+    tell(plain)
+    out.print(escape(f"written to {out_dir}: diagnosis.json, model.toml, residuals.csv"))
+
+
+def measured(data: str, db: str | None) -> Any:
+    """Checked measurements of a file or a campaign, the campaign's id, and whether its lab was virtual."""
+    from models.dataset import load_measurements
+
+    if not data.isdigit():
+        read_measurements(Path(data))  # says what is wrong with the file, row by row
+        return load_measurements(Path(data)), None, False
+    with Store(database_url(db)) as store:
+        virtual = bool(store.campaign(int(data))["virtual"])
+        frame: pd.DataFrame = store.measurement_table(int(data))
+    if not len(frame):
+        raise InputError.of(f"campaign {data}", "rows", None, "holds no accepted rows")
+    return load_measurements(frame), int(data), virtual
+
+
+def tell(plain: dict[str, Any]) -> None:
+    """The answer for people."""
+    gap, gain = plain["gap"], plain["gain"]
+    out.print(f"{plain['points']} points; channels: {', '.join(plain['channels'])}")
+    out.print(
+        f"gap: {100 * gap['mean_abs_efficiency']:.3f} points of efficiency, {gap['mean_loss_W']:+.2f} W of loss, mean"
+    )
+    out.print(escape(f"verdict: {verdict_text(plain)}"))
+    shown = [cause for cause in plain["causes"] if cause["probability"] >= 0.01]
+    if shown:
+        table = Table("cause", "probability", "value (95 %)", "check", box=None)
+        for cause in shown:
+            value = "; ".join(parameter_text(p) for p in cause["parameters"])
+            table.add_row(effect_name(cause["effect"]), f"{cause['probability']:.3f}", value, cause["check"])
+        out.print(table)
+    for step in plain["next"]:
+        apart = " from ".join(map(effect_name, step["separates"]))
+        out.print(
+            escape(
+                f"next: {step['action']} ({step['minutes']:.3g} min) tells {apart} at {step['expected_sigma']:.1f} sigma"
+            )
+        )
+    if gain:
+        out.print(
+            f"held-out power bands: {100 * gain['before']:.3f} points before, {100 * gain['after']:.3f} after"
+        )
+    if plain["rejected_rows"]:
+        out.print(f"{len(plain['rejected_rows'])} rows left out; the reasons are in diagnosis.json")

@@ -1,0 +1,324 @@
+"""The main loop on the mock bench, start to end, for ``d2ea demo``.
+
+Rack up, simulate the grid while a campaign runs over the wires, diagnose, train, optimise, measure the
+optimum, extend the model. What was hidden is looked at only after the verdict is in the database.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from bench.campaign import CampaignOutcome, Job, measurement_table, run_campaign
+from bench.config import BenchConfig, CampaignConfig, check
+from bench.model_file import write_model
+from bench.progress import Progress
+from bench.store import Store
+from bench.training import efficiency_of, feasible_of
+from drivers.clock import StepClock
+from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import noise_free_efficiency
+from drivers.mocks.plant import Plant
+from drivers.mocks.rack import Rack
+from models.accuracy import accuracy_of
+from models.calibrated import CALIBRATED
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.observations import points_of
+from models.feasibility import FeasibleMap
+from models.optimise import OptimumTable, optimise
+from models.pso import PSO_SAVL, PSO_SAVL_POLISHED
+from models.splits import split_simulation
+from models.surrogate import (
+    D2EA,
+    EXPERIMENT_ONLY,
+    SIMULATION_ONLY,
+    SIMULATOR_FIRST,
+    EfficiencyModel,
+    train_d2ea,
+    train_experiment_only,
+    train_simulation_only,
+    train_simulator_first,
+)
+from sim.model import Model
+from sim.simulate import Points, grid, simulate
+
+Table = pd.DataFrame
+Say = Callable[[str], None]
+
+LOADS_W = np.arange(200.0, 2001.0, 100.0)
+_UNSEEN = 300  # points on which every model is judged; none of them was measured
+_FEASIBLE_SHARE = 0.35  # of the box that they are drawn from, at the least
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoPlan:
+    """What to run: rows, the seed of lab and plan, what to hide (empty: nothing), and where results go."""
+
+    out: Path
+    points: int
+    seed: int
+    hidden: Mapping[str, float | None]
+
+
+@dataclass(slots=True)
+class Stopwatch:
+    """Seconds by step, in the order they were taken."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Time one step."""
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - started
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoResult:
+    """All that the report and the summary are made of."""
+
+    bench: BenchConfig
+    simulation: Table
+    measurements: Table
+    losses: Table
+    optimum: OptimumTable
+    paper_budget: OptimumTable
+    optimum_measured: dict[float, float]
+    diagnosis: dict[str, Any]
+    error: dict[str, float | None]
+    hidden: dict[str, float]
+    found: bool
+    power_off: str
+    campaigns: tuple[CampaignOutcome, ...]
+    seconds: dict[str, float]
+
+
+def simulated_grid() -> tuple[Table, float]:
+    """The 12,500-point table of the baseline, and the seconds it took."""
+    started = time.perf_counter()
+    table = pd.DataFrame(simulate(Model.baseline(), grid()).columns())
+    return table, time.perf_counter() - started
+
+
+def _one_thread() -> None:
+    """Linear algebra in one thread: a team of them would wait for the campaign's core."""
+    threadpool_limits(1)
+
+
+def diagnosed(frame: Table, seed: int) -> tuple[Diagnosis, float]:
+    """The diagnosis of a measurement table, and the seconds it took."""
+    started = time.perf_counter()
+    return diagnose(load_measurements(frame), seed=seed), time.perf_counter() - started
+
+
+def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) -> DemoResult:
+    """Run the whole loop; the bench is off when this returns, and when it raises."""
+    watch = Stopwatch()
+    started = time.perf_counter()
+    with watch.step("setup"):
+        clock = StepClock()
+        plant = Plant.virtual(seed=plan.seed, hidden=plan.hidden, clock=clock)
+        plan.out.mkdir(parents=True, exist_ok=True)
+        database = plan.out / "d2ea.sqlite"
+        for stale in plan.out.glob("d2ea.sqlite*"):
+            stale.unlink()
+    workers = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"), initializer=_one_thread)
+    with workers, Rack(plant) as rack, Store(f"sqlite:///{database}") as store:
+        simulating = workers.submit(simulated_grid)
+        bench = check(rack.bench_config(), BenchConfig, file="the mock rack")
+        say(f"campaign of {plan.points} points over the wires, 12,500 simulated points beside it")
+        with watch.step("campaign"):
+            outcome = _campaign(_map_campaign(plan), bench, store, clock, progress)
+        measured = measurement_table(store, outcome)
+        simulation, watch.seconds["simulate"] = simulating.result()
+        say("diagnosing in a second process; training meanwhile")
+        diagnosing = workers.submit(diagnosed, measured, plan.seed)
+        with watch.step("train"):
+            models = _train(simulation, measured, plan.seed)
+        with watch.step("optimise"):
+            optimum, paper_budget = _optimise(models[D2EA], plan.seed)
+        say("measuring the optimum over load")
+        with watch.step("campaign"):
+            verification = _campaign(_optimum_campaign(optimum, plan.seed), bench, store, clock, progress)
+        diagnosis, watch.seconds["diagnose"] = diagnosing.result()
+        write_model(plan.out / "model.toml", diagnosis.extended)
+        plain = diagnosis.as_plain(str(plan.out / "model.toml"))
+        store.add_diagnosis(plain, campaign_id=outcome.campaign_id)
+        say("verdict stored; now looking at what was hidden")
+        hidden = plant.laboratory.hidden
+        models[CALIBRATED] = diagnosis.calibrated
+        with watch.step("judge"):
+            error = judged(models, plant.laboratory, plan.seed)
+        verified = measurement_table(store, verification)
+    watch.seconds["total"] = time.perf_counter() - started
+    return DemoResult(
+        bench=bench,
+        simulation=simulation,
+        measurements=_beside_simulation(measured),
+        losses=_losses_at(optimum),
+        optimum=optimum,
+        paper_budget=paper_budget,
+        optimum_measured=_by_load(verified),
+        diagnosis=plain,
+        error=error,
+        hidden=hidden,
+        found=was_found(plain, hidden),
+        power_off=str(verification.power_off),
+        campaigns=(outcome, verification),
+        seconds=watch.seconds,
+    )
+
+
+def _campaign(
+    config: CampaignConfig,
+    bench: BenchConfig,
+    store: Store,
+    clock: StepClock,
+    progress: Callable[[Progress], None],
+) -> CampaignOutcome:
+    job = Job.prepare(config, bench, file=config.name)
+    return run_campaign(job, store, clock, progress=progress)
+
+
+def _map_campaign(plan: DemoPlan) -> CampaignConfig:
+    return CampaignConfig.model_validate(
+        {
+            "name": "demo map",
+            "seed": plan.seed,
+            "plan": {"kind": "latin_hypercube", "points": plan.points, "reference_every": 12},
+        }
+    )
+
+
+def _optimum_campaign(optimum: OptimumTable, seed: int) -> CampaignConfig:
+    rows = zip(optimum.D1, optimum.D2, optimum.power_W, strict=True)
+    points = [{"D1": float(a), "D2": float(b), "power_W": float(p)} for a, b, p in rows if np.isfinite(a)]
+    return CampaignConfig.model_validate(
+        {
+            "name": "demo optimum",
+            "seed": seed,
+            "plan": {
+                "kind": "points", "set_points": points, "order": "given",
+                "standby": 0, "no_load": 0, "heat_margin": 0.0,
+            },
+        }
+    )  # fmt: skip
+
+
+def _train(simulation: Table, measured: Table, seed: int) -> dict[str, EfficiencyModel]:
+    """The four models; XGBoost-I on 10 % of the feasible simulated points, all measured points fitted."""
+    feasible = simulation[simulation["feasible"].astype(bool)].reset_index(drop=True)
+    chosen = feasible.iloc[split_simulation(feasible, seed=seed).train]
+    loaded = load_measurements(measured).loaded()
+    return {
+        SIMULATION_ONLY: train_simulation_only(chosen),
+        EXPERIMENT_ONLY: train_experiment_only(loaded),
+        D2EA: train_d2ea(chosen, loaded),
+        SIMULATOR_FIRST: train_simulator_first(efficiency_of(Model.baseline()), loaded),
+    }
+
+
+def _optimise(model: EfficiencyModel, seed: int) -> tuple[OptimumTable, OptimumTable]:
+    """The optimum that is used, from restarts and a polish, and that of the paper's own budget."""
+    baseline = Model.baseline()
+    c = baseline.converter
+    mask = FeasibleMap.build(
+        feasible_of(baseline), LOADS_W, edge_gap=float(np.max(c.dead_time_s)) / c.half_period_s
+    )
+    polished = optimise(model, LOADS_W, mask, seed=seed, optimiser=PSO_SAVL_POLISHED)
+    return polished, optimise(model, LOADS_W, mask, seed=seed, optimiser=PSO_SAVL)
+
+
+def unseen_points(seed: int) -> Points:
+    """Set points that were not measured, feasible for the baseline, with some power to spare."""
+    rng = np.random.default_rng([seed, 4])
+    size = int(_UNSEEN / _FEASIBLE_SHARE)
+    drawn = Points(
+        D1=rng.uniform(0.3, 1.0, size), D2=rng.uniform(0.0, 0.6, size), power_W=rng.uniform(200, 2000, size)
+    )
+    return drawn.take(np.flatnonzero(simulate(Model.baseline(), drawn).feasible)[:_UNSEEN])
+
+
+def judged(models: Mapping[str, EfficiencyModel], lab: Laboratory, seed: int) -> dict[str, float | None]:
+    """Mean absolute error of each model against the lab's noise-free reading at unseen points."""
+    p = unseen_points(seed)
+    D1, D2, power = (np.asarray(x) for x in (p.D1, p.D2, p.power_W))
+    truth = noise_free_efficiency(lab, D1, D2, power)
+    predicted = {name: np.asarray(model.predict(D1, D2, power)) for name, model in models.items()}
+    return {name: accuracy_of(value, truth).mean_abs for name, value in predicted.items()}
+
+
+def was_found(diagnosis: Mapping[str, Any], hidden: Mapping[str, float]) -> bool:
+    """The hidden effect is the first named cause or in the stated group; with nothing hidden: none is named."""
+    if not hidden:
+        return bool(diagnosis["verdict"] == "consistent")
+    named = [cause["effect"] for cause in diagnosis["causes"][:1]] if diagnosis["verdict"] == "named" else []
+    stated: Sequence[str] = [*named, *(name for group in diagnosis["groups"] for name in group)]
+    return all(name in stated for name in hidden)
+
+
+def _beside_simulation(measured: Table) -> Table:
+    """The measurement table with what the baseline says of every channel beside it."""
+    result = simulate(Model.baseline(), points_of(load_measurements(measured).frame))
+    table = load_measurements(measured).frame.copy()
+    for name in ("efficiency", "D0", "P1_W", "I_L_rms_A", "P_link1_W", "P_link2_W",
+                 "T_heatsink_C", "T_transformer_C", "T_inductor_C"):  # fmt: skip
+        if name in table:
+            table[f"sim_{name}"] = result[name]
+    return table
+
+
+def _losses_at(optimum: OptimumTable) -> Table:
+    """The baseline's loss parts at the optimum over load."""
+    known = np.isfinite(optimum.D1)
+    points = Points(D1=optimum.D1[known], D2=optimum.D2[known], power_W=optimum.power_W[known])
+    table = pd.DataFrame(simulate(Model.baseline(), points).columns())
+    return table[[c for c in table if c == "P_set_W" or str(c).startswith("loss_")]]
+
+
+def _by_load(verified: Table) -> dict[float, float]:
+    """Measured efficiency by set power."""
+    rows = verified[verified["kind"] == "load"]
+    return {float(p): float(e) for p, e in zip(rows["P_set_W"], rows["efficiency"], strict=True)}
+
+
+def _optimiser(table: OptimumTable) -> dict[str, Any]:
+    return {"name": table.optimiser, "evaluations": table.evaluations, "regret": table.worst_regret}
+
+
+def summary_of(result: DemoResult) -> dict[str, Any]:
+    """The content of summary.json."""
+    seconds = {name: round(value, 3) for name, value in result.seconds.items()}
+    o = result.optimum
+    return {
+        "virtual_lab": True,
+        "points": result.campaigns[0].accepted,
+        "sim_points": len(result.simulation),
+        "sim_feasible": int(result.simulation["feasible"].sum()),
+        "seconds": seconds,
+        "error": result.error,
+        "optimum": [
+            {"P_W": float(p), "D1": float(a), "D2": float(b), "predicted": float(e),
+             "measured": result.optimum_measured.get(float(p))}
+            for p, a, b, e in zip(o.power_W, o.D1, o.D2, o.predicted, strict=True) if np.isfinite(a)
+        ],
+        "optimiser": _optimiser(o),
+        "optimiser_paper_budget": _optimiser(result.paper_budget),
+        "diagnosis": result.diagnosis,
+        "hidden": list(result.hidden),
+        "hidden_values": result.hidden,
+        "found": result.found,
+        "power_off": result.power_off,
+    }  # fmt: skip

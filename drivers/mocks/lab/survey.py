@@ -1,0 +1,119 @@
+"""A whole campaign of a virtual lab at once: settled points through the instruments' model, without the wire.
+
+For trials by the hundred. What comes out is a measurement table as a campaign stores it, truth left out.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from drivers.mocks.lab.instruments import read_element
+from drivers.mocks.lab.laboratory import Electrical, Laboratory
+
+Array = NDArray[np.float64]
+
+_PWM_COUNTS = 2500  # of a half period: what the controller can set and report
+_TEMPERATURE_NOISE_K = 0.1
+_IDLE = (0.8, 0.0)  # D1, D2 of a converter that runs without load
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Schedule:
+    """Set points in the order of a campaign, arrays (N,); ``kind`` as in the measurement table."""
+
+    D1: Array
+    D2: Array
+    power_W: Array
+    kind: NDArray[np.str_]
+    time_s: Array
+
+
+def schedule(
+    D1: Array, D2: Array, power_W: Array, *, reference_every: int = 8, standby: int = 2, no_load: int = 2
+) -> Schedule:
+    """Standby and no load first, then the points with a reference (the first of them) every so many."""
+    rows: list[tuple[float, float, float, str]] = [(1.0, 0.0, 0.0, "standby")] * standby
+    rows += [(*_IDLE, 0.0, "no_load")] * no_load
+    for k, point in enumerate(zip(D1, D2, power_W, strict=True)):
+        if k % reference_every == 0:
+            rows.append((float(D1[0]), float(D2[0]), float(power_W[0]), "reference"))
+        rows.append((*map(float, point), "load"))
+    a, b, p, kind = zip(*rows, strict=True)
+    time_s = 180.0 * np.arange(len(rows))
+    return Schedule(D1=np.array(a), D2=np.array(b), power_W=np.array(p), kind=np.array(kind), time_s=time_s)
+
+
+def survey(
+    lab: Laboratory, plan: Schedule, *, seed: int, supply_V: float = 300.0, samples: int = 8
+) -> pd.DataFrame:
+    """The measurement table of a schedule: every point settled, each reading the mean of ``samples`` updates."""
+    rng = np.random.default_rng(seed)
+    on = plan.kind != "standby"
+    D1, D2 = np.where(on, plan.D1, _IDLE[0]), np.where(on, plan.D2, _IDLE[1])
+    D1, D2 = np.round(D1 * _PWM_COUNTS) / _PWM_COUNTS, np.round(D2 * _PWM_COUNTS) / _PWM_COUNTS
+    truth, heat = lab.settled(D1, D2, plan.power_W, np.full(D1.size, supply_V), plan.time_s)
+    V1, P1 = lab.input_terminals(truth, heat.heatsink_C, plan.time_s)
+    V1, P1 = np.where(on, V1, supply_V + lab.errors.supply_V), np.where(on, P1, 0.0)
+    shown = {e: _averaged(lab, e, _element(e, V1, P1, truth, on), rng, samples) for e in (1, 2, 3, 4)}
+    U1, I1, P1_shown = lab.port_1(*shown[1])
+    U2, I2, P2 = shown[2]
+
+    def sensor(name: str, values: Array) -> Array:
+        return values + lab.errors.temperature_K[name] + rng.normal(0.0, _TEMPERATURE_NOISE_K, values.size)
+
+    def running(values: Array) -> Array:
+        return np.where(on, values, np.nan)
+
+    loaded = np.isin(plan.kind, ("load", "reference"))
+    frame = pd.DataFrame(
+        {
+            "kind": plan.kind, "time_s": plan.time_s, "P_set_W": plan.power_W, "D1": D1, "D2": D2,
+            "D0": running(np.round(truth.D0 * _PWM_COUNTS) / _PWM_COUNTS),
+            "V1_V": U1, "I1_A": I1, "P1_W": P1_shown, "V2_V": U2, "I2_A": I2, "P2_W": P2,
+            "efficiency": np.where(loaded, P2 / np.where(P1_shown > 0, P1_shown, np.nan), np.nan),
+            "I_L_rms_A": running(shown[3][1]), "P_link1_W": running(shown[3][2]), "P_link2_W": running(shown[4][2]),
+            "T_ambient_C": float(lab.ambient_C(0.0)),
+            "T_heatsink_C": sensor("heatsink", heat.heatsink_C),
+            "T_transformer_C": sensor("transformer", heat.transformer_C),
+            "T_inductor_C": sensor("inductor", heat.inductor_C),
+        }
+    )  # fmt: skip
+    return frame[truth.running | ~on].reset_index(drop=True)
+
+
+def _element(
+    element: int, V1: Array, P1: Array, truth: Electrical, on: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """Truth at one element: voltage, current, power."""
+    if element == 1:
+        return V1, P1 / V1, P1
+    if element == 2:
+        V2 = np.where(on, truth.V2_V, 0.0)
+        power = np.where(on, truth.P2_W, 0.0)
+        return V2, power / np.where(on, truth.V2_V, 1.0), power
+    power = truth.P_link1_W if element == 3 else truth.P_link2_W
+    return V1, truth.rms_A, power
+
+
+def _averaged(
+    lab: Laboratory, element: int, triple: tuple[Array, Array, Array], rng: np.random.Generator, samples: int
+) -> tuple[Array, Array, Array]:
+    readings = [read_element(lab.errors, element, triple, rng) for _ in range(samples)]
+    U, I, P = (np.mean([reading[k] for reading in readings], axis=0) for k in range(3))
+    return U, I, P
+
+
+def noise_free_efficiency(
+    lab: Laboratory, D1: Array, D2: Array, power_W: Array, *, supply_V: float = 300.0
+) -> Array:
+    """What the lab's analyzer would show without noise at settled points, (N,); NaN where it cannot run."""
+    time_s = np.zeros_like(power_W)
+    truth, heat = lab.settled(D1, D2, power_W, np.full(D1.size, supply_V), time_s)
+    V1, P1 = lab.input_terminals(truth, heat.heatsink_C, time_s)
+    quiet = np.random.default_rng(0)
+    silent = lab.without_noise()
+    shown_1 = silent.port_1(*read_element(silent.errors, 1, (V1, P1 / V1, P1), quiet))
+    shown_2 = read_element(silent.errors, 2, (truth.V2_V, power_W / truth.V2_V, power_W), quiet)
+    return np.where(truth.running, shown_2[2] / shown_1[2], np.nan)

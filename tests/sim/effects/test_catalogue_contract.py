@@ -1,0 +1,178 @@
+"""One contract for every effect of the catalogue: off is off, smooth, bounded, in its own stage."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.effects.base import Effect
+from sim.effects.catalogue import CATALOGUE, effect
+from sim.model import Model
+from sim.parameters import ParameterError
+from sim.simulate import Points, Result, simulate, simulate_many
+
+STAGES = {
+    "circuit": {
+        "link_resistance", "skin_effect", "leakage_inductance", "magnetizing_inductance", "dead_time",
+        "gate_delay_skew",
+    },
+    "semiconductors": {
+        "igbt_saturation_voltage", "sic_on_resistance", "clamp_diode_drop", "turn_off_energy_primary",
+        "turn_off_energy_secondary", "output_capacitance", "reverse_recovery",
+    },
+    "magnetics": {"core_loss_transformer", "core_loss_inductor"},
+    "supply, wiring": {
+        "auxiliary_power", "fan_step", "cable_resistance_input", "cable_resistance_output",
+    },
+    "thermal, time": {"thermal_resistance", "warm_up_drift", "ambient_drift"},
+    "measurement, command": {"analyzer_gain", "analyzer_offset", "analyzer_range_step", "duty_offset"},
+}  # fmt: skip
+METHODS = ("converter", "set_points", "added_loss_W", "observe")
+# unit in which a change of each column counts: what a good bench can just see
+SEEN = {"P1_W": 0.05, "D0": 1e-4, "T_heatsink_C": 0.1, "T_inductor_C": 0.1, "T_transformer_C": 0.1}
+STEP = 0.2  # of the prior: small, and far above the solver's tolerances
+EVERY = pytest.mark.parametrize("entry", CATALOGUE.values(), ids=list(CATALOGUE))
+SMOOTH = pytest.mark.parametrize(
+    "entry", [e for e in CATALOGUE.values() if not e.threshold], ids=lambda e: e.name
+)
+
+
+def points() -> Points:
+    """Loads over an hour, and a standby, all of them away from the edges of what can run."""
+    rng = np.random.default_rng(21)
+    count = 16
+    return Points(
+        D1=rng.uniform(0.6, 0.95, count),
+        D2=rng.uniform(0.05, 0.3, count),
+        power_W=rng.uniform(250, 1100, count),
+        time_s=np.linspace(0, 3600, count),
+        pwm=np.arange(count) > 0,
+    )
+
+
+def set_to(entry: Effect, value: float) -> Model:
+    return Model.baseline().with_effect(entry.name, **{entry.headline.name: value})
+
+
+def columns(result: Result) -> np.ndarray:
+    return np.concatenate([np.nan_to_num(result[name]) / unit for name, unit in SEEN.items()])
+
+
+@pytest.fixture(scope="module")
+def baseline() -> Result:
+    """The baseline alone, from no warm start."""
+    return simulate(Model.baseline(), points())
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, list[Result]]:
+    """Of each effect: off, half a small step, a small step, one prior; and the baseline under ""."""
+    models = [Model.baseline()]
+    for entry in CATALOGUE.values():
+        off, prior = entry.headline.off, entry.headline.prior
+        models += [set_to(entry, off + share * prior) for share in (0.0, STEP / 2, STEP, 1.0)]
+    baseline, *rest = simulate_many(models, points())
+    return {"": [baseline]} | {name: rest[4 * k : 4 * k + 4] for k, name in enumerate(CATALOGUE)}
+
+
+def test_the_catalogue_has_every_name_under_its_stage() -> None:
+    found: dict[str, set[str]] = {stage: set() for stage in STAGES}
+    for entry in CATALOGUE.values():
+        found[entry.stage].add(entry.name)
+    assert found == STAGES
+
+
+@EVERY
+def test_off_returns_the_very_objects_it_was_given(entry: Effect) -> None:
+    given, values, state = points(), entry.off_values(), {"P1_W": np.ones(16)}
+    converter = Model.baseline().converter
+    assert entry.converter(converter, values) is converter
+    assert entry.set_points(given, values) is given
+    assert entry.observe(given, state, values) is state
+
+
+@EVERY
+def test_off_leaves_every_result_bit_identical(entry: Effect, baseline: Result) -> None:
+    off = Model.baseline().with_effect(entry.name, **entry.off_values())
+    other = simulate(off, points())
+    for name, column in baseline.values.items():
+        np.testing.assert_array_equal(column, other[name], err_msg=name)
+
+
+@EVERY
+def test_its_prior_changes_something(entry: Effect, results: dict[str, list[Result]]) -> None:
+    change = columns(results[entry.name][3]) - columns(results[""][0])
+    assert np.abs(change).max() > 1.0
+
+
+@EVERY
+def test_its_prior_keeps_every_point_running(entry: Effect, results: dict[str, list[Result]]) -> None:
+    assert results[entry.name][3].feasible.all()
+
+
+@SMOOTH
+def test_two_halves_of_a_small_step_agree(entry: Effect, results: dict[str, list[Result]]) -> None:
+    off, half, whole = (columns(r) for r in results[entry.name][:3])
+    first, second = half - off, whole - half
+    # a jump makes them differ by their own size, curvature over a fifth of a prior by a tenth; summed over
+    # the points, because D0 of a single one may bend where two edges pass each other
+    assert np.abs(second - first).sum() < 0.1 * (np.abs(first).sum() + np.abs(second).sum())
+
+
+@EVERY
+def test_it_changes_one_stage_only(entry: Effect) -> None:
+    own = [name for name in METHODS if getattr(type(entry), name) is not getattr(Effect, name)]
+    assert len(own) == 1, own
+
+
+@EVERY
+@pytest.mark.parametrize("side", ["lower", "upper"])
+def test_bounds_are_refused_beyond_and_run_within(entry: Effect, side: str) -> None:
+    for p in entry.parameters:
+        bound = getattr(p, side)
+        beyond = math.nextafter(bound, math.inf if side == "upper" else -math.inf)
+        model = Model.baseline().with_effect(entry.name, **{p.name: bound})
+        model.altered_converter()  # the parameters' own checks agree that this is possible
+        with pytest.raises(ParameterError, match=rf"{entry.name}\.{p.name} is .*allowed"):
+            Model.baseline().with_effect(entry.name, **{p.name: beyond})
+
+
+@EVERY
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_is_refused(entry: Effect, wrong: float) -> None:
+    with pytest.raises(ParameterError, match="allowed"):
+        set_to(entry, wrong)
+
+
+@EVERY
+def test_parameters_have_units_and_scales_inside_their_bounds(entry: Effect) -> None:
+    for p in entry.parameters:
+        assert p.unit
+        assert p.lower <= p.off <= p.upper
+        assert p.prior > p.tolerance >= 0
+        assert p.off + p.prior <= p.upper
+        assert all(p.lower <= value <= p.upper for value in p.scan)
+
+
+@EVERY
+def test_it_says_what_is_wrong_and_what_to_check(entry: Effect) -> None:
+    for sentence in (entry.says, entry.check_on_bench):
+        assert len(sentence.split()) >= 5
+        assert not sentence.endswith(".")
+        assert "  " not in sentence
+
+
+@EVERY
+def test_a_threshold_effect_lists_the_thresholds_to_try(entry: Effect) -> None:
+    assert entry.threshold == any(p.scan for p in entry.parameters)
+    assert len(entry.variants()) == (1 if not entry.threshold else len(entry.parameters[1].scan))
+
+
+def test_the_error_for_an_unknown_name_names_the_nearest() -> None:
+    with pytest.raises(ParameterError, match="did you mean 'core_loss_inductor'"):
+        effect("core_loss_inductors")
+
+
+def test_a_name_near_nothing_is_refused_with_all_names() -> None:
+    with pytest.raises(ParameterError, match=r"'zzzz'; known: ambient_drift, .*warm_up_drift"):
+        effect("zzzz")

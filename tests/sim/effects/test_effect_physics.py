@@ -1,0 +1,102 @@
+"""What each kind of effect does, where the answer is known by hand."""
+
+import numpy as np
+import pytest
+
+from sim.model import Model
+from sim.simulate import Points, Result, simulate, simulate_many
+
+POINTS = Points(
+    D1=[0.9, 0.8, 0.7], D2=[0.1, 0.2, 0.1], power_W=[1500.0, 800.0, 300.0], time_s=[0.0, 900, 1800]
+)
+
+
+def pair(name: str, **values: float) -> tuple[Result, Result]:
+    before, after = simulate_many([Model.baseline(), Model.baseline().with_effect(name, **values)], POINTS)
+    return before, after
+
+
+def added_W(name: str, **values: float) -> np.ndarray:
+    before, after = pair(name, **values)
+    return after["P1_W"] - before["P1_W"]
+
+
+def test_auxiliary_power_is_added_as_it_is() -> None:
+    np.testing.assert_allclose(added_W("auxiliary_power", power_W=4.0), 4.0, atol=1e-3)  # 2e-7 of the power
+
+
+def test_link_resistance_adds_r_i_squared() -> None:
+    _, after = pair("link_resistance", resistance_Ohm=0.1)
+    whole_Ohm = Model.baseline().converter.link_resistance_Ohm + 0.1
+    np.testing.assert_allclose(
+        after["loss_link_resistance_W"], whole_Ohm * after["I_L_rms_A"] ** 2, rtol=1e-9
+    )
+
+
+def test_a_late_secondary_is_made_up_for_by_d0() -> None:
+    before, after = pair("gate_delay_skew", skew_s=100e-9)
+    np.testing.assert_allclose(after["D0"] - before["D0"], -100e-9 / 25e-6, atol=1e-6)
+    np.testing.assert_allclose(after["P1_W"], before["P1_W"], atol=1e-3)
+
+
+def test_a_warm_room_warms_the_heatsink_with_time() -> None:
+    before, after = pair("ambient_drift", rate_K_per_h=4.0)
+    rise_K = after["T_heatsink_C"] - before["T_heatsink_C"]
+    np.testing.assert_allclose(rise_K, [0.0, 1.0, 2.0], atol=0.1)  # losses follow temperature a little
+
+
+def test_warm_up_adds_its_share_at_the_end() -> None:
+    before, after = pair("warm_up_drift", relative_loss_at_end=0.1)
+    loss_W = before["P1_W"] - before["P2_W"]
+    np.testing.assert_allclose(after["P1_W"] - before["P1_W"], loss_W * [0.0, 0.05, 0.1], atol=1e-3)
+
+
+def test_the_fan_runs_where_the_heatsink_is_warm() -> None:
+    threshold_C = float(np.mean(simulate(Model.baseline(), POINTS)["T_heatsink_C"][:2]))
+    added = added_W("fan_step", power_W=3.0, threshold_C=threshold_C)
+    np.testing.assert_allclose(np.sort(added)[[0, -1]], [0.0, 3.0], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("analyzer_gain", {"relative_error": 0.004}, lambda r: 0.004 * r["P1_W"]),
+        ("analyzer_offset", {"current_A": -0.02}, lambda r: np.full(3, -6.0)),
+        (
+            "analyzer_range_step",
+            {"relative_step": 0.005, "boundary_A": 3.0},
+            lambda r: np.where(r["I1_A"] < 3.0, 0.005 * r["P1_W"], 0.0),
+        ),
+    ],
+)
+def test_the_analyzer_shows_another_input_power(name, values, expected) -> None:
+    before, after = pair(name, **values)
+    np.testing.assert_allclose(after["P1_W"] - before["P1_W"], expected(before), atol=1e-3)
+    np.testing.assert_allclose(after["efficiency"], after["P2_W"] / after["P1_W"], rtol=1e-12)
+    np.testing.assert_allclose(after["I1_A"], after["P1_W"] / 300.0, rtol=1e-12)
+
+
+def test_a_measurement_effect_leaves_the_converter_alone() -> None:
+    before, after = pair("analyzer_gain", relative_error=0.004)
+    for name in ("D0", "P2_W", "P_link1_W", "T_heatsink_C", "loss_secondary_conduction_W"):
+        np.testing.assert_allclose(after[name], before[name], rtol=1e-6, err_msg=name)
+
+
+def test_a_duty_offset_is_another_duty() -> None:
+    _, after = pair("duty_offset", offset=0.01)
+    moved = Points(D1=np.asarray(POINTS.D1) + 0.01, D2=POINTS.D2, power_W=POINTS.power_W)
+    np.testing.assert_allclose(after["P1_W"], simulate(Model.baseline(), moved)["P1_W"], atol=1e-3)
+
+
+def test_a_hotter_heatsink_has_its_resistance() -> None:
+    _, after = pair("thermal_resistance", relative_error=0.5)
+    losses = [f"loss_primary_{d}_{k}_W" for d in ("outer", "inner") for k in ("conduction", "switching")]
+    losses += ["loss_primary_clamp_conduction_W", "loss_primary_clamp_recovery_W"]
+    losses += ["loss_secondary_conduction_W", "loss_secondary_switching_W"]
+    heat_W = np.sum([after[name] for name in losses], axis=0)
+    np.testing.assert_allclose(after["T_heatsink_C"], 25.0 + 1.5 * heat_W, atol=1e-3)  # settled to 0.1 mK
+
+
+def test_the_magnetizing_inductance_takes_the_place_of_the_old_one() -> None:
+    model = Model.baseline().with_effect("magnetizing_inductance", inductance_H=4e-3)
+    assert model.altered_converter().transformer.magnetizing_H == 4e-3

@@ -1,0 +1,111 @@
+"""Losses: conduction closes the waveform's balance, switching costs nothing where it is soft and unloaded."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.circuit import Temperatures
+from sim.losses import conduction_losses, switching_losses
+from sim.magnetics import link_current, magnetic_losses
+from sim.parameters import Converter
+from sim.prototype import prototype
+from sim.soft_switching import Commutation
+from tests.sim.orbits import JUNCTION_C, Array, Case, random_case
+
+COUNT = 100
+
+
+def everywhere(count: int) -> Temperatures:
+    return Temperatures.everywhere(np.full(count, JUNCTION_C))
+
+
+def frequency_independent(converter: Converter) -> Converter:
+    """Windings without skin effect: then the circuit's resistance is that of every harmonic."""
+    inductor, transformer = converter.inductor, converter.transformer
+    return replace(
+        converter,
+        inductor=replace(inductor, winding=replace(inductor.winding, ac_extra=0.0)),
+        transformer=replace(transformer, winding=replace(transformer.winding, ac_extra=0.0)),
+    )
+
+
+def conducted_W(converter: Converter, case: Case) -> Array:
+    """Conduction, copper and link resistance, part by part."""
+    pieces, t = case.orbit.pieces, everywhere(COUNT)
+    parts = conduction_losses(converter, t, pieces, case.circuit.V1_V)
+    magnetic = magnetic_losses(converter, t, pieces, link_current(pieces, converter.frequency_Hz))
+    return sum(parts.values()) + sum(magnetic[p] for p in magnetic if not p.endswith("core"))
+
+
+def test_conduction_and_copper_are_what_the_waveform_loses() -> None:
+    converter = frequency_independent(prototype())
+    case = random_case(COUNT, seed=11, converter=converter)
+    between = case.orbit.input_power_W() - case.orbit.output_power_W()
+    # two closed forms of the same integrals: rounding and the closing error
+    np.testing.assert_allclose(conducted_W(converter, case), between, atol=1e-6 * between.max())
+
+
+def test_skin_effect_of_the_harmonics_is_all_that_the_waveform_does_not_know() -> None:
+    converter, case = prototype(), random_case(COUNT, seed=11)
+    between = case.orbit.input_power_W() - case.orbit.output_power_W()
+    measures = link_current(case.orbit.pieces, converter.frequency_Hz)
+    windings = (converter.inductor.winding, converter.transformer.winding)
+    warm = 1 + windings[0].resistance_per_K * (JUNCTION_C - 25.0)
+    extra_Ohm = sum(w.resistance_Ohm * w.ac_extra for w in windings) * warm
+    # the circuit gives every harmonic the first one's resistance, the copper loss its own
+    harmonics_W = extra_Ohm * (measures.slope_share_A2 - measures.square_A2)
+    known_W = conducted_W(converter, case) - harmonics_W
+    np.testing.assert_allclose(known_W, between, atol=1e-6 * between.max())
+
+
+def nothing_happens(count: int = 1) -> Commutation:
+    none = np.zeros((4, count))
+    return Commutation(
+        delay_s=none, missing=none, opposite_C=none, same_C=none, turn_off_A=none, turn_on_A=none
+    )
+
+
+def switched_W(**edges: Array) -> dict[str, Array]:
+    """Switching losses when only these things happen at the edges."""
+    case = random_case(1, seed=12)
+    orbit = replace(case.orbit, commutation=replace(nothing_happens(), **edges))
+    return switching_losses(prototype(), everywhere(1), orbit, case.circuit.V1_V, np.full(1, 140.0))
+
+
+def test_a_full_swing_without_current_costs_nothing() -> None:
+    assert all(abs(loss.item()) < 1e-9 for loss in switched_W().values())  # W; rounding
+
+
+def test_a_hard_secondary_edge_costs_its_charge() -> None:
+    missing = np.array([[0.0], [0.0], [1.0], [0.0]])
+    charge_C = prototype().secondary.switch.capacitance.charge_C(140.0)
+    # one leg, two edges a period, each Q V for two equal junctions
+    expected_W = 2 * 20e3 * charge_C * 140.0
+    assert switched_W(missing=missing)["secondary_switching"].item() == pytest.approx(expected_W, rel=1e-9)
+
+
+def test_turn_off_scales_from_its_datasheet_point() -> None:
+    turn_off_A = np.array([[40.0], [0.0], [0.0], [0.0]])
+    inner = prototype().primary.inner.turn_off
+    per_edge_J = inner.energy_J * (150 / 400) ** inner.voltage_exponent
+    per_edge_J *= 1 + inner.energy_per_K * (JUNCTION_C - 25.0)
+    # rising edge: an inner switch opens in both legs, twice a period
+    loss_W = switched_W(turn_off_A=turn_off_A)["primary_inner_switching"].item()
+    assert loss_W == pytest.approx(4 * 20e3 * per_edge_J, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("edge", "part"),
+    [
+        (0, "primary_clamp_recovery"),
+        (0, "primary_outer_switching"),
+        (1, "primary_inner_switching"),
+        (2, "secondary_switching"),
+        (3, "secondary_switching"),
+    ],
+)
+def test_taking_over_a_current_costs_the_switch_that_closes(edge: int, part: str) -> None:
+    turn_on_A = np.zeros((4, 1))
+    turn_on_A[edge] = 5.0
+    assert switched_W(turn_on_A=turn_on_A)[part].item() > 0.1  # W: microjoules at 20 kHz

@@ -1,0 +1,33 @@
+"""Points: what broadcasts, what is refused, what is kept."""
+
+import numpy as np
+import pytest
+
+from sim.operating_points import Points, grid
+from sim.parameters import ParameterError
+
+
+def test_floats_become_arrays_of_the_longest() -> None:
+    points = Points(D1=[0.8, 0.9, 1.0], D2=0.1, power_W=500.0)
+    assert len(points) == 3
+    np.testing.assert_array_equal(points.D2, [0.1, 0.1, 0.1])
+    assert points.pwm.dtype == bool
+
+
+def test_taking_and_joining_are_inverse() -> None:
+    points = Points(D1=np.linspace(0.5, 1, 6), D2=0.1, power_W=500.0, time_s=np.arange(6.0))
+    again = Points.join([points.take(np.arange(2)), points.take(np.arange(2, 6))])
+    np.testing.assert_array_equal(again.time_s, points.time_s)
+    np.testing.assert_array_equal(again.D1, points.D1)
+
+
+def test_a_voltage_of_zero_is_refused() -> None:
+    with pytest.raises(ParameterError, match="V1_V"):
+        Points(D1=0.9, D2=0.1, power_W=100.0, V1_V=[300.0, 0.0])
+
+
+def test_the_grid_has_its_end_points() -> None:
+    points = grid((3, 4, 5))
+    assert len(points) == 60
+    assert (np.min(points.D1), np.max(points.D1)) == (0.0, 1.0)
+    assert set(points.power_W) == {200.0, 650.0, 1100.0, 1550.0, 2000.0}
