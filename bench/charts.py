@@ -240,6 +240,7 @@ def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
         ("wrong_cause", "Best wrong cause", "orange"),
         ("leftover_only", "Smooth leftover only", "sky"),
         ("after", "Simulation extended with the cause", "green"),
+        ("calibrated", "... and its parts and the analyzer calibrated", "blue"),
     )
     known = [
         (label, 100 * float(gain[key]), colour) for key, label, colour in rows if gain.get(key) is not None

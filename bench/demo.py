@@ -34,6 +34,7 @@ from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import points_of
 from models.feasibility import FeasibleMap
+from models.lattice import optimise_on_lattice
 from models.optimise import OptimumTable, optimise
 from models.pso import PSO_SAVL, PSO_SAVL_POLISHED
 from models.splits import split_simulation
@@ -94,7 +95,7 @@ class DemoResult:
     measurements: Table
     losses: Table
     optimum: OptimumTable
-    paper_budget: OptimumTable
+    searches: tuple[OptimumTable, ...]
     optimum_measured: dict[float, float]
     diagnosis: dict[str, Any]
     error: dict[str, float | None]
@@ -148,17 +149,19 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         with watch.step("train"):
             models = _train(simulation, measured, plan.seed)
         with watch.step("optimise"):
-            optimum, paper_budget = _optimise(models[D2EA], plan.seed)
+            searches = _search(models[D2EA], plan.seed)
+        diagnosis, watch.seconds["diagnose"] = diagnosing.result()
+        models[CALIBRATED] = diagnosis.calibrated
+        with watch.step("optimise"):
+            optimum = optimise_on_lattice(diagnosis.calibrated, LOADS_W)
         say("measuring the optimum over load")
         with watch.step("campaign"):
             verification = _campaign(_optimum_campaign(optimum, plan.seed), bench, store, clock, progress)
-        diagnosis, watch.seconds["diagnose"] = diagnosing.result()
         write_model(plan.out / "model.toml", diagnosis.extended)
         plain = diagnosis.as_plain(str(plan.out / "model.toml"))
         store.add_diagnosis(plain, campaign_id=outcome.campaign_id)
         say("verdict stored; now looking at what was hidden")
         hidden = plant.laboratory.hidden
-        models[CALIBRATED] = diagnosis.calibrated
         with watch.step("judge"):
             error = judged(models, plant.laboratory, plan.seed)
         verified = measurement_table(store, verification)
@@ -169,7 +172,7 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         measurements=_beside_simulation(measured),
         losses=_losses_at(optimum),
         optimum=optimum,
-        paper_budget=paper_budget,
+        searches=searches,
         optimum_measured=_by_load(verified),
         diagnosis=plain,
         error=error,
@@ -230,15 +233,16 @@ def _train(simulation: Table, measured: Table, seed: int) -> dict[str, Efficienc
     }
 
 
-def _optimise(model: EfficiencyModel, seed: int) -> tuple[OptimumTable, OptimumTable]:
-    """The optimum that is used, from restarts and a polish, and that of the paper's own budget."""
+def _search(model: EfficiencyModel, seed: int) -> tuple[OptimumTable, ...]:
+    """The swarm's optimum of a model made of trees: with restarts and a polish, and at the paper's budget."""
     baseline = Model.baseline()
     c = baseline.converter
     mask = FeasibleMap.build(
         feasible_of(baseline), LOADS_W, edge_gap=float(np.max(c.dead_time_s)) / c.half_period_s
     )
-    polished = optimise(model, LOADS_W, mask, seed=seed, optimiser=PSO_SAVL_POLISHED)
-    return polished, optimise(model, LOADS_W, mask, seed=seed, optimiser=PSO_SAVL)
+    return tuple(
+        optimise(model, LOADS_W, mask, seed=seed, optimiser=o) for o in (PSO_SAVL_POLISHED, PSO_SAVL)
+    )
 
 
 def unseen_points(seed: int) -> Points:
@@ -294,8 +298,15 @@ def _by_load(verified: Table) -> dict[float, float]:
     return {float(p): float(e) for p, e in zip(rows["P_set_W"], rows["efficiency"], strict=True)}
 
 
-def _optimiser(table: OptimumTable) -> dict[str, Any]:
-    return {"name": table.optimiser, "evaluations": table.evaluations, "regret": table.worst_regret}
+def _swarm(table: OptimumTable) -> dict[str, Any]:
+    return {
+        "model": D2EA,
+        "name": table.optimiser,
+        "evaluations": table.evaluations,
+        "regret": table.worst_regret,
+        "D1": table.D1.tolist(),
+        "D2": table.D2.tolist(),
+    }
 
 
 def summary_of(result: DemoResult) -> dict[str, Any]:
@@ -314,8 +325,8 @@ def summary_of(result: DemoResult) -> dict[str, Any]:
              "measured": result.optimum_measured.get(float(p))}
             for p, a, b, e in zip(o.power_W, o.D1, o.D2, o.predicted, strict=True) if np.isfinite(a)
         ],
-        "optimiser": _optimiser(o),
-        "optimiser_paper_budget": _optimiser(result.paper_budget),
+        "optimiser": {"model": CALIBRATED, "name": o.optimiser, "evaluations": o.evaluations, "regret": None},
+        "swarm": [_swarm(table) for table in result.searches],
         "diagnosis": result.diagnosis,
         "hidden": list(result.hidden),
         "hidden_values": result.hidden,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import Circuit, Orbit, periodic
+from sim.steady_state import Circuit, Orbit, lossless_start_A, periodic
 
 Array = NDArray[np.float64]
 
@@ -51,23 +51,29 @@ class Regulated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Probe:
-    """A circuit, its edges at phase 0 and the warm start that each solution leaves for the next."""
+    """A circuit, its edges at phase 0 and the warm start that each solution leaves for the next.
+
+    What is kept of a start current is its excess over the lossless one, which hardly moves with the phase.
+    """
 
     circuit: Circuit
     edges: Array
-    start_A: Array
+    excess_A: Array
     delay: Array
 
     def power(self, phase: Array, chosen: NDArray[np.intp]) -> Array:
         """Power at a phase for some of the points; keeps the orbit as their next start."""
-        orbit = periodic(
-            self.circuit.take(chosen),
-            self.edges[:, chosen] + _SHIFT * phase,
-            self.start_A[chosen],
-            self.delay[:, chosen],
-        )
-        self.start_A[chosen], self.delay[:, chosen] = orbit.start_A, orbit.delay
-        return orbit.output_power_W()
+        return self.orbit(phase, chosen).output_power_W()
+
+    def orbit(self, phase: Array, chosen: NDArray[np.intp]) -> Orbit:
+        """The orbit at a phase for some of the points."""
+        circuit, edges = self.circuit.take(chosen), self.edges[:, chosen] + _SHIFT * phase
+        delay = self.delay[:, chosen]
+        guess = lossless_start_A(circuit, edges + delay) + self.excess_A[chosen]
+        orbit = periodic(circuit, edges, guess, delay)
+        self.delay[:, chosen] = orbit.delay
+        self.excess_A[chosen] = orbit.start_A - lossless_start_A(circuit, edges + orbit.delay)
+        return orbit
 
 
 def lossless_scale_W(circuit: Circuit) -> Array:
@@ -173,20 +179,20 @@ def regulate(
         search.learn(busy, power_W, tolerance)
         search.move(busy, power_W, bisect=step % _BISECT == _BISECT - 1)
     phase = search.phase
-    orbit = periodic(circuit, edges + _SHIFT * phase, probe.start_A, probe.delay)
+    orbit = probe.orbit(phase, np.arange(target_W.size))
     return Regulated(
         phase=phase, limit=limit, orbit=orbit, reached=search.reached & orbit.closed, most_W=most_W
     )
 
 
 def _probe(circuit: Circuit, edges: Array, warm: Regulated | None) -> _Probe:
+    """A probe that starts from nothing, or from a solution nearby."""
     size = edges.shape[1]
-    return _Probe(
-        circuit=circuit,
-        edges=edges,
-        start_A=np.zeros(size) if warm is None else warm.orbit.start_A.copy(),
-        delay=np.zeros((4, size)) if warm is None else warm.orbit.delay.copy(),
-    )
+    if warm is None:
+        return _Probe(circuit=circuit, edges=edges, excess_A=np.zeros(size), delay=np.zeros((4, size)))
+    delay = warm.orbit.delay.copy()
+    lossless = lossless_start_A(circuit, edges + _SHIFT * warm.phase + delay)
+    return _Probe(circuit=circuit, edges=edges, excess_A=warm.orbit.start_A - lossless, delay=delay)
 
 
 def _lowest_phase(circuit: Circuit, edges: Array) -> Array:

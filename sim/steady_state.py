@@ -166,6 +166,12 @@ def _levels(circuit: Circuit, flips: Array) -> tuple[Array, Array, Array]:
     return np.diff(times, axis=0) * circuit.half_period_s, staircase(slice(0, 2)), staircase(slice(2, 4))
 
 
+def lossless_start_A(circuit: Circuit, flips: Array) -> Array:
+    """Start current (N,) of the orbit without drops: minus half of what the voltages add in a half period."""
+    duration, vp, nvs = _levels(circuit, flips)
+    return np.asarray(-0.5 * np.sum(duration * (vp - nvs), axis=0) / circuit.inductance_H)
+
+
 def _drops(circuit: Circuit, vp_V: Array, sign: Array) -> Array:
     """Threshold and resistance (2, N) of the conducting path."""
     along = vp_V * sign

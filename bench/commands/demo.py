@@ -86,9 +86,8 @@ def _tell(summary: dict[str, Any], out_dir: Path) -> None:
     out.print(escape(f"verdict: {verdict_text(summary['diagnosis'])}"))
     told = ", ".join(f"{name} = {value:.4g}" for name, value in summary["hidden_values"].items()) or "nothing"
     out.print(escape(f"hidden: {told} – {'found' if summary['found'] else 'NOT found'}"))
-    for key in ("optimiser", "optimiser_paper_budget"):
-        search = summary[key]
+    for search in summary["swarm"]:
         regret = f"largest regret {100 * search['regret']:.4f} points over {len(summary['optimum'])} loads"
-        out.print(escape(f"{search['name']}: {regret}, {search['evaluations']} evaluations"))
+        out.print(escape(f"{search['name']} on D²EA: {regret}, {search['evaluations']} evaluations a load"))
     out.print(escape(f"bench: {summary['power_off']}"))
     out.print(f"{summary['seconds']['total']:.1f} s in all; report: {escape(str(out_dir / 'report.html'))}")

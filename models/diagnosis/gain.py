@@ -23,13 +23,17 @@ _LEAST = 12  # readings below which blocks mean nothing
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
-    """Mean absolute errors of efficiency on held-out bands; ``ci95`` of before minus after, paired bootstrap."""
+    """Mean absolute errors of efficiency on held-out bands; ``ci95`` of before minus after, paired bootstrap.
+
+    ``calibrated`` is that of the cause with all everyday spreads and the analyzer's errors fitted beside it.
+    """
 
     before: float
     after: float
     ci95: tuple[float, float]
     wrong_cause: float | None
     leftover_only: float
+    calibrated: float
 
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
@@ -40,6 +44,7 @@ class Gain:
             "ci95": list(self.ci95),
             "wrong_cause": self.wrong_cause,
             "leftover_only": self.leftover_only,
+            "calibrated": self.calibrated,
         }
 
 
@@ -80,12 +85,20 @@ def held_out_gain(
         return None
     edges = np.quantile(power[judged], np.linspace(0, 1, _BANDS + 1)[1:-1])
     band = np.searchsorted(edges, power)
-    error = {name: np.full(residual.size, np.nan) for name in ("before", "after", "wrong", "leftover")}
+    error = {
+        name: np.full(residual.size, np.nan)
+        for name in ("before", "after", "wrong", "leftover", "calibrated")
+    }
     for k in range(_BANDS):
         rows, out = band != k, (band == k) & judged
         whitener = Whitener.of(covariance.plain[np.ix_(rows, rows)])
         error["before"][out] = residual[out]
-        error["after"][out] = (residual - _value_on(cause, residual, whitener, rows))[out]
+        left = residual - _value_on(cause, residual, whitener, rows)
+        error["after"][out] = left[out]
+        # noise is on the diagonal: between bands, the covariance is that of spreads and smooth inaccuracy
+        error["calibrated"][out] = left[out] - covariance.plain[np.ix_(out, rows)] @ whitener.solve(
+            left[rows]
+        )
         if rival is not None:
             error["wrong"][out] = (residual - _value_on(rival, residual, whitener, rows))[out]
         error["leftover"][out] = (residual - _leftover_on(covariance, residual, rows, 5.0))[out]
@@ -102,4 +115,5 @@ def held_out_gain(
         ci95=(float(low), float(high)),
         wrong_cause=None if rival is None else float(np.mean(size["wrong"])),
         leftover_only=float(np.mean(size["leftover"])),
+        calibrated=float(np.mean(size["calibrated"])),
     )

@@ -65,7 +65,7 @@ def test_it_delivers_what_the_load_draws() -> None:
     state = running(800.0).state()
     assert state.pwm
     assert state.load_V * state.load_A == pytest.approx(800.0, rel=1e-6)
-    assert state.load_V == pytest.approx(140.0, rel=1e-3)  # sensing error of 0.05 %
+    assert state.load_V == pytest.approx(140.0, rel=1e-3)  # the sensor's own error
     assert 0.9 < 800.0 / input_W(state) < 0.99
 
 
