@@ -275,7 +275,9 @@ def was_found(diagnosis: Mapping[str, Any], hidden: Mapping[str, float]) -> bool
 
 def _beside_simulation(measured: Table) -> Table:
     """The measurement table with what the baseline says of every channel beside it."""
-    result = simulate(Model.baseline(), points_of(load_measurements(measured).frame))
+    result = simulate(
+        Model.baseline(), points_of(load_measurements(measured).frame, Model.baseline().converter)
+    )
     table = load_measurements(measured).frame.copy()
     for name in ("efficiency", "D0", "P1_W", "I_L_rms_A", "P_link1_W", "P_link2_W",
                  "T_heatsink_C", "T_transformer_C", "T_inductor_C"):  # fmt: skip

@@ -249,6 +249,8 @@ def analyzer_columns(config: BenchConfig) -> dict[str, str]:
     for number, link in ((1, wiring.link1), (2, wiring.link2)):
         if link is not None:
             columns[f"P{link}"] = f"P_link{number}_W"
+    if wiring.link1 is not None:
+        columns[f"I{wiring.link1}"] = "I_L_rms_A"
     return columns
 
 

@@ -25,25 +25,25 @@ def optimise_on_lattice(model: EfficiencyModel, loads_W: Floats) -> OptimumTable
     loads = np.asarray(loads_W, dtype=np.float64)
     nodes = np.linspace(0.0, 1.0, _FIRST)
     D1, D2 = (x.ravel() for x in np.meshgrid(nodes, nodes, indexing="ij"))
-    best, at, evaluations = _best(model, loads, np.tile(D1, (loads.size, 1)), np.tile(D2, (loads.size, 1)))
+    best, (first, second), evaluations = _best(
+        model, loads, np.tile(D1, (loads.size, 1)), np.tile(D2, (loads.size, 1))
+    )
     step = nodes[1]
     for _ in range(_ROUNDS):
         near = np.stack(np.meshgrid(_AROUND, _AROUND, indexing="ij")).reshape(2, -1) * step
-        D1, D2 = (
-            np.clip(centre[:, None] + offset, 0.0, 1.0) for centre, offset in zip(at, near, strict=True)
-        )
+        D1 = np.clip(first[:, None] + near[0], 0.0, 1.0)
+        D2 = np.clip(second[:, None] + near[1], 0.0, 1.0)
         found, place, asked = _best(model, loads, D1, D2)
         better = found > best
         best = np.where(better, found, best)
-        at = tuple(np.where(better, new, old) for new, old in zip(place, at, strict=True))
+        first, second = np.where(better, place[0], first), np.where(better, place[1], second)
         evaluations += asked
         step *= _NARROWER
     reached = np.isfinite(best)
-    D1, D2 = (np.where(reached, x, np.nan) for x in at)
     return OptimumTable(
         power_W=loads,
-        D1=D1,
-        D2=D2,
+        D1=np.where(reached, first, np.nan),
+        D2=np.where(reached, second, np.nan),
         predicted=np.where(reached, best, np.nan),
         regret=np.full(loads.size, np.nan),
         confirmed=reached,

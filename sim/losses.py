@@ -5,14 +5,14 @@ edges (turn-off, hard turn-on, missing charge, recovery, diodes in the dead time
 Every function takes arrays over N operating points and returns the same, in W.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.circuit import Temperatures
-from sim.parameters import Conduction, Converter, Quantity
-from sim.soft_switching import residual_energy
+from sim.parameters import Capacitance, Conduction, Converter, Quantity, Recovery, Switch
+from sim.soft_switching import Commutation, residual_energy
 from sim.steady_state import Orbit, Pieces
 
 Array = NDArray[np.float64]
@@ -77,52 +77,92 @@ def _diode_extra(
     return np.asarray(charge_C * (diode_V + (diode_R - channel_R) * current_A))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Edge:
+    """What happens at one edge (or at several alike), at the voltage it switches."""
+
+    turn_off_A: Array
+    turn_on_A: Array
+    missing: Array
+    opposite_C: Array
+    same_C: Array
+    voltage_V: Array
+
+    @classmethod
+    def of(cls, commutation: Commutation, which: int | slice, voltage_V: Array) -> "_Edge":
+        """The ``which``-th edge of a commutation."""
+        return cls(
+            voltage_V=voltage_V,
+            **{f.name: getattr(commutation, f.name)[which] for f in fields(cls) if f.name != "voltage_V"},
+        )
+
+    def off_J(self, switch: Switch, junction_C: Quantity) -> Quantity:
+        """Turn-off of a switch."""
+        return switch.turn_off.at(current_A=self.turn_off_A, voltage_V=self.voltage_V, junction_C=junction_C)
+
+    def on_J(self, switch: Switch, junction_C: Quantity) -> Quantity:
+        """Turn-on of a switch, without what it has to discharge or to recover."""
+        return switch.turn_on.at(current_A=self.turn_on_A, voltage_V=self.voltage_V, junction_C=junction_C)
+
+    def recovered_J(self, recovery: Recovery, junction_C: Quantity) -> Quantity:
+        """Recovery of the diode that carried the current before."""
+        return recovery.at(current_A=self.turn_on_A, junction_C=junction_C) * self.voltage_V
+
+    def missing_J(self, charging: list[Capacitance], discharging: list[Capacitance]) -> Quantity:
+        """Hard switching of the rest of the swing."""
+        return residual_energy(charging, discharging, self.voltage_V, self.missing)
+
+
+def _into_active(converter: Converter, t: Temperatures, edge: _Edge) -> tuple[Quantity, ...]:
+    """Outer, inner and clamp, in J: an inner switch opens, an outer one closes against the clamp if hard."""
+    outer, inner, clamp = converter.primary.outer, converter.primary.inner, converter.primary.clamp
+    shared_J = 0.5 * edge.recovered_J(clamp.recovery, t.clamp_C)
+    outer_J = (
+        edge.on_J(outer, t.outer_C)
+        + edge.missing_J([inner.capacitance, clamp.capacitance], [outer.capacitance])
+        + shared_J
+        + _diode_extra(outer.reverse, outer.on, t.outer_C, edge.opposite_C, edge.turn_off_A)
+    )
+    return outer_J, edge.off_J(inner, t.inner_C), shared_J
+
+
+def _into_zero(converter: Converter, t: Temperatures, edge: _Edge) -> tuple[Quantity, ...]:
+    """Outer and inner, in J: an outer switch opens, an inner one closes against its body diode if hard."""
+    outer, inner, clamp = converter.primary.outer, converter.primary.inner, converter.primary.clamp
+    inner_J = (
+        edge.on_J(inner, t.inner_C)
+        + edge.missing_J([outer.capacitance], [inner.capacitance, clamp.capacitance])
+        + edge.recovered_J(outer.recovery, t.outer_C)
+        + _diode_extra(outer.reverse, outer.on, t.outer_C, edge.same_C, edge.turn_on_A)
+    )
+    return edge.off_J(outer, t.outer_C), inner_J
+
+
+def _of_secondary(converter: Converter, t: Temperatures, edges: _Edge) -> Quantity:
+    """A leg at each of its edges, in J, shape (2, N)."""
+    low, junction_C = converter.secondary.switch, t.secondary_C
+    return (
+        edges.off_J(low, junction_C)
+        + edges.on_J(low, junction_C)
+        + edges.recovered_J(low.recovery, junction_C)
+        + edges.missing_J([low.capacitance], [low.capacitance])
+        + _diode_extra(low.reverse, low.on, junction_C, edges.opposite_C, edges.turn_off_A)
+        + _diode_extra(low.reverse, low.on, junction_C, edges.same_C, edges.turn_on_A)
+    )
+
+
 def switching_losses(
     converter: Converter, t: Temperatures, orbit: Orbit, V1_V: Array, V2_V: Array
 ) -> dict[str, Array]:
     """Losses at the edges by kind of device; each edge comes twice a period, primary edges in both legs."""
-    c = orbit.commutation
-    outer, inner, clamp = converter.primary.outer, converter.primary.inner, converter.primary.clamp
-    low = converter.secondary.switch
     half_link, rate = 0.5 * V1_V, 2.0 * converter.frequency_Hz
-    rise, fall = 0, 1
-    off_A, on_A, missing = c.turn_off_A, c.turn_on_A, c.missing
-
-    # zero -> active: an inner switch opens, the outer one closes, against the clamp diode where hard
-    inner_J = inner.turn_off.at(current_A=off_A[rise], voltage_V=half_link, junction_C=t.inner_C)
-    recovered_C = clamp.recovery.at(current_A=on_A[rise], junction_C=t.clamp_C)
-    outer_J = (
-        outer.turn_on.at(current_A=on_A[rise], voltage_V=half_link, junction_C=t.outer_C)
-        + residual_energy(
-            [inner.capacitance, clamp.capacitance], [outer.capacitance], half_link, missing[rise]
-        )
-        + 0.5 * recovered_C * half_link
-        + _diode_extra(outer.reverse, outer.on, t.outer_C, c.opposite_C[rise], off_A[rise])
-    )
-    clamp_J = 0.5 * recovered_C * half_link
-    # active -> zero: the outer switch opens, an inner one closes, against the outer body diode where hard
-    outer_J = outer_J + outer.turn_off.at(current_A=off_A[fall], voltage_V=half_link, junction_C=t.outer_C)
-    inner_J = (
-        inner_J
-        + inner.turn_on.at(current_A=on_A[fall], voltage_V=half_link, junction_C=t.inner_C)
-        + residual_energy(
-            [outer.capacitance], [inner.capacitance, clamp.capacitance], half_link, missing[fall]
-        )
-        + outer.recovery.at(current_A=on_A[fall], junction_C=t.outer_C) * half_link
-        + _diode_extra(outer.reverse, outer.on, t.outer_C, c.same_C[fall], on_A[fall])
-    )
-    junction = low.capacitance
-    edges_J = (
-        low.turn_off.at(current_A=off_A[2:], voltage_V=V2_V, junction_C=t.secondary_C)
-        + low.turn_on.at(current_A=on_A[2:], voltage_V=V2_V, junction_C=t.secondary_C)
-        + low.recovery.at(current_A=on_A[2:], junction_C=t.secondary_C) * V2_V
-        + residual_energy([junction], [junction], V2_V, missing[2:])
-        + _diode_extra(low.reverse, low.on, t.secondary_C, c.opposite_C[2:], off_A[2:])
-        + _diode_extra(low.reverse, low.on, t.secondary_C, c.same_C[2:], on_A[2:])
-    )
+    c = orbit.commutation
+    outer_J, inner_J, clamp_J = _into_active(converter, t, _Edge.of(c, 0, half_link))
+    outer_zero_J, inner_zero_J = _into_zero(converter, t, _Edge.of(c, 1, half_link))
+    secondary_J = _of_secondary(converter, t, _Edge.of(c, slice(2, 4), V2_V))
     return {
-        "primary_outer_switching": np.asarray(2 * rate * outer_J),
-        "primary_inner_switching": np.asarray(2 * rate * inner_J),
+        "primary_outer_switching": np.asarray(2 * rate * (outer_J + outer_zero_J)),
+        "primary_inner_switching": np.asarray(2 * rate * (inner_J + inner_zero_J)),
         "primary_clamp_recovery": np.asarray(2 * rate * clamp_J),
-        "secondary_switching": np.sum(rate * edges_J, axis=0),
+        "secondary_switching": np.sum(rate * secondary_J, axis=0),
     }

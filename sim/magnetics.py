@@ -38,7 +38,14 @@ def steinmetz_rate(core: Core) -> Quantity:
 
 
 def core_loss_W(core: Core, flux_swing_Vs: Array, rate_power: Array) -> Array:
-    """Core loss in W from the peak-to-peak flux linkage (V s) and the mean of |V|^alpha, each (N,)."""
+    """Core loss in W from the peak-to-peak flux linkage (V s) and the mean of |V|^alpha, each (N,).
+
+    A square wave of 280 V at 20 kHz on 36 turns of E65/32/27 swings 7 mV s, 0.36 T:
+
+    >>> core = Core(k=3.9, alpha=1.36, beta=2.6, area_m2=535e-6, volume_m3=78.7e-6, turns=36.0)
+    >>> round(core_loss_W(core, np.array([7e-3]), np.array([280.0**1.36])).item(), 2)
+    2.42
+    """
     turns_area = core.turns * core.area_m2
     density = (flux_swing_Vs / turns_area) ** (core.beta - core.alpha) * rate_power / turns_area**core.alpha
     return np.asarray(steinmetz_rate(core) * density * core.volume_m3)
@@ -47,7 +54,14 @@ def core_loss_W(core: Core, flux_swing_Vs: Array, rate_power: Array) -> Array:
 def copper_loss_W(
     winding: Winding, temperature_C: Quantity, square_A2: Array, slope_share_A2: Array
 ) -> Array:
-    """Copper loss in W from mean i^2 and mean (di/dt)^2 / omega^2, each (N,)."""
+    """Copper loss in W from mean i^2 and mean (di/dt)^2 / omega^2, each (N,).
+
+    For a sine both are the same, and the resistance that of the switching frequency:
+
+    >>> winding = Winding(resistance_Ohm=0.045, ac_extra=0.10)
+    >>> round(copper_loss_W(winding, 25.0, np.array([64.0]), np.array([64.0])).item(), 3)
+    3.168
+    """
     resistance = winding.resistance_Ohm * (1 + winding.resistance_per_K * (temperature_C - 25.0))
     return np.asarray(resistance * (square_A2 + winding.ac_extra * slope_share_A2))
 

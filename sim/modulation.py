@@ -31,17 +31,29 @@ def hybrid_edges(D0: Array, D1: Array, D2: Array) -> Array:
 
 
 def centre_offset(D1: Array, D2: Array) -> Array:
-    """phi - D0, the phase between the pulses' centres when D0 is 0."""
+    """phi - D0 = (1 + D2 - D1) / 2, the phase between the pulses' centres when D0 is 0.
+
+    >>> centre_offset(np.array([1.0, 0.6]), np.array([0.0, 0.2])).tolist()
+    [0.0, 0.3]
+    """
     return (1.0 + D2 - D1) / 2.0
 
 
 def paper_D0(D0: Array, D1: Array) -> Array:
-    """D0 as the paper counts it, from S2's rising edge: D0 + 1 - D1 (Assumption: S2 complements S4)."""
+    """D0 as the paper counts it, from S2's rising edge: D0 + 1 - D1 (Assumption: S2 complements S4).
+
+    >>> paper_D0(np.array([-0.2]), np.array([0.75])).round(3).tolist()
+    [0.05]
+    """
     return D0 + 1.0 - D1
 
 
 def infeasible_pulse(D1: Array, D2: Array, dead_time: Array | float) -> NDArray[np.str_]:
-    """Why a pulse or zero state cannot be made, "" where it can, shape (N,); ``dead_time`` in units of Th."""
+    """Why a pulse or zero state cannot be made, "" where it can, shape (N,); ``dead_time`` in units of Th.
+
+    >>> infeasible_pulse(np.array([0.99, 1.0]), np.array([0.3, 0.3]), 0.016).tolist()
+    ['primary zero state shorter than the dead time', '']
+    """
     zero1, pulse2 = 1.0 - D1, 1.0 - D2
     rules = [
         ((D1 < 0) | (D1 > 1), "D1 outside [0, 1]"),

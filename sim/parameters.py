@@ -79,7 +79,13 @@ class SwitchingEnergy:
         _positive(self, "reference_V", "reference_A", "current_exponent", "voltage_exponent")
 
     def at(self, *, current_A: Quantity, voltage_V: Quantity, junction_C: Quantity) -> Quantity:
-        """Energy in J; zero for a current that is not positive."""
+        """Energy in J; zero for a current that is not positive.
+
+        >>> energy = SwitchingEnergy(energy_J=75e-6, reference_V=400.0, reference_A=40.0,
+        ...                          current_exponent=1.2, voltage_exponent=1.3)
+        >>> f"{energy.at(current_A=10.0, voltage_V=140.0, junction_C=25.0) * 1e6:.2f} uJ"
+        '3.63 uJ'
+        """
         share = np.maximum(current_A, 0.0) / self.reference_A
         return (
             self.energy_J
@@ -102,7 +108,12 @@ class Recovery:
         _positive(self, "reference_A")
 
     def at(self, *, current_A: Quantity, junction_C: Quantity) -> Quantity:
-        """Charge in C; zero for a current that is not positive."""
+        """Charge in C; zero for a current that is not positive.
+
+        >>> hot = Recovery(charge_C=75e-9, reference_A=30.0, charge_per_K=0.03)
+        >>> f"{hot.at(current_A=30.0, junction_C=125.0) * 1e9:.0f} nC"
+        '300 nC'
+        """
         share = np.sqrt(np.maximum(current_A, 0.0) / self.reference_A)
         return self.charge_C * share * np.maximum(1 + self.charge_per_K * (junction_C - REFERENCE_C), 0.0)
 

@@ -77,7 +77,7 @@ class _Probe:
 
 
 def lossless_scale_W(circuit: Circuit) -> Array:
-    """n V1 V2 / (2 fs Lk), the unit of the lossless power."""
+    """n V1 V2 / (2 fs Lk) in W, the unit of the lossless power; a quarter of it is the most that can flow."""
     return circuit.V1_V * circuit.nV2_V * circuit.half_period_s / circuit.inductance_H
 
 

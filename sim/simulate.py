@@ -94,7 +94,7 @@ def can_run(model: Model, points: Points) -> NDArray[np.bool_]:
     tried = np.flatnonzero(runs & np.asarray(points.pwm, dtype=bool))
     if tried.size:
         runs[tried] = carries(pick(converter, tried), moved.take(tried))
-    return runs
+    return np.asarray(runs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

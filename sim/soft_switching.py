@@ -9,7 +9,8 @@ follows the voltage through the link inductance:
 j > 0 drives the node towards the other rail. At q = Q the opposite diode conducts, at q = 0 with j < 0 the
 diode on the old side does; a current that reverses takes the charge back. Whatever of the swing is missing
 when the dead time ends is switched hard. A rule by the sign of the current alone is discontinuous in D0 and
-has regulation gaps; this one has none.
+has regulation gaps; this one has none at the dead times it is made for (at 2.4 % of a half period and more,
+power over phase folds where two edges pass each other).
 
 The waveform solver needs of all this one number an edge: ``delay``, the time at which an instant step would
 carry the same volt-seconds.
@@ -65,6 +66,10 @@ def residual_energy(
     and what the junctions do not store is lost:
     :math:`V [Q(V) - Q(v_0)] - [E(V) - E(v_0)]` for each that charges, :math:`E(V - v_0)` for each that
     discharges. For two constant capacitances C it is C dV^2.
+
+    >>> constant = Capacitance(zero_bias_F=200e-12, junction_V=1e6, grading=0.5)
+    >>> f"{residual_energy([constant], [constant], 140.0, 1.0) * 1e6:.2f} uJ"
+    '3.92 uJ'
     """
     reached = (1.0 - missing) * swing_V
     lost: Quantity = 0.0 * reached
@@ -101,7 +106,9 @@ def commutate(
     charge_C: Array,
     voltage_share: Callable[[Array], Array],
 ) -> Commutation:
-    """Integrate the dead time of each edge by the leapfrog rule.
+    """Integrate the dead time of each edge in graded steps.
+
+    In a step the current moves by its slope at the start, the charge by the mean current.
 
     Parameters
     ----------

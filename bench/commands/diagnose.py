@@ -83,9 +83,8 @@ def tell(plain: dict[str, Any]) -> None:
     """The answer for people."""
     gap, gain = plain["gap"], plain["gain"]
     out.print(f"{plain['points']} points; channels: {', '.join(plain['channels'])}")
-    out.print(
-        f"gap: {100 * gap['mean_abs_efficiency']:.3f} points of efficiency, {gap['mean_loss_W']:+.2f} W of loss, mean"
-    )
+    efficiency = f"{100 * gap['mean_abs_efficiency']:.3f} points of efficiency"
+    out.print(f"gap: {efficiency}, {gap['mean_loss_W']:+.2f} W of loss, mean")
     out.print(escape(f"verdict: {verdict_text(plain)}"))
     shown = [cause for cause in plain["causes"] if cause["probability"] >= 0.01]
     if shown:
@@ -96,11 +95,8 @@ def tell(plain: dict[str, Any]) -> None:
         out.print(table)
     for step in plain["next"]:
         apart = " from ".join(map(effect_name, step["separates"]))
-        out.print(
-            escape(
-                f"next: {step['action']} ({step['minutes']:.3g} min) tells {apart} at {step['expected_sigma']:.1f} sigma"
-            )
-        )
+        worth = f"tells {apart} at {step['expected_sigma']:.1f} sigma"
+        out.print(escape(f"next: {step['action']} ({step['minutes']:.3g} min) {worth}"))
     if gain:
         out.print(
             f"held-out power bands: {100 * gain['before']:.3f} points before, {100 * gain['after']:.3f} after"

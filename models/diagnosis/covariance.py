@@ -61,7 +61,7 @@ def kernel(a: Array, b: Array) -> Array:
 
 def same_channel(observations: Observations) -> NDArray[np.bool_]:
     """Pairs of readings of one channel, (M, M)."""
-    return observations.channel[:, None] == observations.channel[None, :]
+    return np.asarray(observations.channel[:, None] == observations.channel[None, :])
 
 
 def accuracy_scale(observations: Observations, baseline: Array) -> Array:

@@ -189,7 +189,7 @@ def diagnose(
     """
     baseline = baseline or Model.baseline()
     left_out = frozenset(effect(name).name for name in without)
-    observations = observe(measurements.frame)
+    observations = observe(measurements.frame, baseline.converter)
     if int(observations.loaded.sum()) < LEAST_ROWS:
         raise TooFewPoints(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"

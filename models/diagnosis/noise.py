@@ -68,8 +68,8 @@ def scale_of(observations: Observations, name: str) -> Array:
     if name not in _PROPORTIONAL:
         return np.ones(observations.value.size)
     if name == "I_L_rms_A":
-        return np.maximum(np.abs(observations.value), 0.1)
-    return np.maximum(np.asarray(observations.points.power_W)[observations.row], 20.0)
+        return np.asarray(np.maximum(np.abs(observations.value), 0.1))
+    return np.asarray(np.maximum(np.asarray(observations.points.power_W)[observations.row], 20.0))
 
 
 def estimate_noise(observations: Observations, residual: Array) -> list[ChannelNoise]:
@@ -83,8 +83,9 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
         if n >= _NEEDED:
             spread = float(np.sqrt(np.mean(steps**2)))
             sigma = max(spread * (1 + 0.7 / np.sqrt(n)), floor)  # the upper side of a chi-squared estimate
-            kurtosis = float(np.mean(steps**4) / max(np.mean(steps**2) ** 2, 1e-300) - 3.0)
-            paired = float(np.sum(steps[1:] * steps[:-1]) / max(np.sum(steps**2), 1e-300))
+            power = max(float(np.mean(steps**2)), 1e-150)  # squared below: exact replicates have none
+            kurtosis = float(np.mean(steps**4)) / power**2 - 3.0
+            paired = float(np.sum(steps[1:] * steps[:-1])) / (n * power)
         else:
             sigma, kurtosis, paired = _WITHOUT_REPLICATES.get(channel.name, 2 * channel.floor), 0.0, -0.5
         found.append(

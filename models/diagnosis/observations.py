@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sim.model import Model
 from sim.operating_points import Points
+from sim.parameters import Converter
 from sim.simulate import Result, simulate_many
 
 Array = NDArray[np.float64]
@@ -55,6 +56,7 @@ _WITHOUT_LOAD = {
     "T_inductor_C",
 }
 LOADED = ("load", "reference")
+_DEAD_V = 1.0  # an output below this is off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,23 +100,26 @@ class Observations:
         return [self.predicted(result, row) for result in results]
 
 
-def points_of(frame: pd.DataFrame) -> Points:
-    """The set points of a measurement table, as applied: measured P2, V1, V2, ambient, time where present."""
+def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
+    """The set points of a measurement table, as applied: measured P2, V1, V2, ambient, time where present.
+
+    Voltages that were not measured are the converter's nominal ones.
+    """
 
     def column(name: str, default: float) -> Array:
         if name not in frame:
             return np.full(len(frame), default)
-        return frame[name].astype(float).fillna(default).to_numpy()
+        return np.asarray(frame[name].astype(float).fillna(default), dtype=np.float64)
 
     kind = frame["kind"].to_numpy()
     standby, idle = kind == "standby", kind == "no_load"
-    V2 = column("V2_V", 140.0)
+    V2 = column("V2_V", converter.V2_V)
     return Points(
         D1=np.where(standby, 1.0, column("D1", 1.0)),
         D2=np.where(standby, 0.0, column("D2", 0.0)),
         power_W=np.where(standby | idle, 0.0, column("P2_W", 0.0)),
-        V1_V=column("V1_V", 300.0),
-        V2_V=np.where(standby | (V2 < 1.0), 140.0, V2),
+        V1_V=column("V1_V", converter.V1_V),
+        V2_V=np.where(standby | (V2 < _DEAD_V), converter.V2_V, V2),
         ambient_C=column("T_ambient_C", 25.0),
         time_s=column("time_s", 0.0),
         range_I1_A=column("range_I1_A", 0.0),
@@ -122,7 +127,7 @@ def points_of(frame: pd.DataFrame) -> Points:
     )
 
 
-def observe(frame: pd.DataFrame) -> Observations:
+def observe(frame: pd.DataFrame, converter: Converter) -> Observations:
     """Every finite reading of every known channel; a row's channels depend on its kind."""
     frame = frame.reset_index(drop=True)
     present = tuple(c for c in CHANNELS if c.column in frame and frame[c.column].notna().any())
@@ -141,7 +146,7 @@ def observe(frame: pd.DataFrame) -> Observations:
         value.append(readings[rows])
     return Observations(
         frame=frame,
-        points=points_of(frame),
+        points=points_of(frame, converter),
         channels=present,
         channel=np.concatenate(channel).astype(np.intp),
         row=np.concatenate(row).astype(np.intp),

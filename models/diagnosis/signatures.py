@@ -9,12 +9,14 @@ from models.diagnosis.observations import Observations
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
+from sim.parameters import Converter
 from sim.simulate import Points, simulate
 from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
 
-_VOLTAGE_GAIN = 3e-4  # of a dc voltage: 0.05 % of reading, uniform
+_ROOT_3 = 3**0.5
+_VOLTAGE_GAIN = 5e-4 / _ROOT_3  # of a dc voltage: 0.05 % of reading, uniform
 _P2_NOISE = 1e-4  # of reading, one averaged reading
 _COLLINEAR = 0.9999
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
@@ -102,7 +104,7 @@ def signatures(
         for (name, entry, other), after in zip(entries, moved[: len(entries)], strict=True)
     ]
     effects = tuple(s for s in found if not _imitates(s, found))
-    names, directions = _instrument_spreads(observations)
+    names, directions = _instrument_spreads(observations, baseline.converter)
     (V1, V2), input_sigma = _inputs(observations, baseline, base)
     return Signatures(
         baseline=base,
@@ -151,26 +153,27 @@ def _inputs(observations: Observations, baseline: Model, base: Array) -> tuple[t
     return (V1, V2), np.where(follows & ~edge, 0.0, np.abs(P2))
 
 
-def _instrument_spreads(observations: Observations) -> tuple[list[str], Array]:
+def _instrument_spreads(observations: Observations, converter: Converter) -> tuple[list[str], Array]:
     """One-sigma directions of what instruments inside their specification may be off by.
 
-    A dc analyzer's power is good to 0.05 % of reading and 0.1 % of range at either port, an ac one to 0.3 %
-    and 0.2 %; a uniform error of that width has a sigma of width over root three. A temperature sensor is
-    taken as good to half a kelvin.
+    A dc analyzer is good to 0.05 % of reading and 0.05 % of range at either port, an ac power to 0.3 % and 0.2 %;
+    a uniform error of that width has a sigma of width over root three. A temperature sensor is taken as good to
+    half a kelvin. Assumption: the power range in use is three quarters of the rated power, as overrange allows.
     """
     power = np.asarray(observations.points.power_W)[observations.row]
-    carries = power > 0
-    efficiency = observations.of("efficiency")
+    efficiency, range_W = observations.of("efficiency"), 0.75 * converter.rated_power_W
+    dc, ac = 5e-4 / _ROOT_3, 3e-3 / _ROOT_3
+    offset_W, ac_offset_W = dc * range_W, 2e-3 / _ROOT_3 * range_W
     table = {
-        "analyzer port 1 gain": np.where(efficiency, 2.9e-4 * power, 0.0),
-        "analyzer port 1 offset": np.where(efficiency, 2.5e-3 * 300.0 / np.sqrt(3), 0.0),
-        "analyzer port 2 gain": np.where(efficiency, 2.9e-4 * power, 0.0),
-        "analyzer port 2 offset": np.where(efficiency & carries, 5e-3 * 140.0 / np.sqrt(3), 0.0),
-        "ac current gain": np.where(observations.of("I_L_rms_A"), 1.7e-3 * np.abs(observations.value), 0.0),
+        "analyzer port 1 gain": np.where(efficiency, dc * power, 0.0),
+        "analyzer port 1 offset": np.where(efficiency, offset_W, 0.0),
+        "analyzer port 2 gain": np.where(efficiency, dc * power, 0.0),
+        "analyzer port 2 offset": np.where(efficiency & (power > 0), offset_W, 0.0),
+        "ac current gain": np.where(observations.of("I_L_rms_A"), ac * np.abs(observations.value), 0.0),
     }
     for link in ("P_link1_W", "P_link2_W"):
-        table[f"{link} gain"] = np.where(observations.of(link), 1.7e-3 * power, 0.0)
-        table[f"{link} offset"] = np.where(observations.of(link), 1.7, 0.0)
+        table[f"{link} gain"] = np.where(observations.of(link), ac * power, 0.0)
+        table[f"{link} offset"] = np.where(observations.of(link), ac_offset_W, 0.0)
     for sensor in ("T_heatsink_C", "T_transformer_C", "T_inductor_C"):
         table[f"{sensor} offset"] = np.where(observations.of(sensor), 0.5, 0.0)
     return list(table), np.stack(list(table.values()))

@@ -1,8 +1,8 @@
 """From probabilities to a verdict that an engineer can act on.
 
-``consistent``: that nothing is wrong cannot be excluded. ``named``: one cause has 95 % of all probability, with or without a
-leftover beside it. ``group``: causes that this design cannot tell apart have it together. ``unknown``: the
-residuals need a leftover more than any cause, or nothing above reaches 95 %.
+``consistent``: that nothing is wrong cannot be excluded. ``named``: one cause has 95 % of all probability, with
+or without a leftover beside it. ``group``: causes that this design cannot tell apart have it together.
+``unknown``: the residuals need a leftover more than any cause, or nothing above reaches 95 %.
 """
 
 from dataclasses import dataclass

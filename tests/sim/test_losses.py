@@ -95,6 +95,18 @@ def test_turn_off_scales_from_its_datasheet_point() -> None:
     assert loss_W == pytest.approx(4 * 20e3 * per_edge_J, rel=1e-9)
 
 
+def test_the_clamp_shares_its_recovery_with_the_switch_that_takes_over() -> None:
+    turn_on_A, primary = np.zeros((4, 1)), prototype().primary
+    turn_on_A[0] = 5.0
+    charge_C = primary.clamp.recovery.at(current_A=5.0, junction_C=JUNCTION_C)
+    channel_J = primary.outer.turn_on.at(current_A=5.0, voltage_V=150.0, junction_C=JUNCTION_C)
+    lost_W = switched_W(turn_on_A=turn_on_A)
+    half_W = 4 * 20e3 * 0.5 * charge_C * 150.0
+    assert lost_W["primary_clamp_recovery"].item() == pytest.approx(half_W, rel=1e-9)
+    outer_W = half_W + 4 * 20e3 * channel_J
+    assert lost_W["primary_outer_switching"].item() == pytest.approx(outer_W, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("edge", "part"),
     [

@@ -27,6 +27,14 @@ def test_copper_is_the_sum_over_harmonics() -> None:
     np.testing.assert_allclose(ours_W, harmonic_W, rtol=1e-3)
 
 
+def test_mean_squared_slope_is_that_of_the_exponentials() -> None:
+    pieces = random_case(40, seed=13).orbit.pieces
+    first = pieces.drive_A_per_s - pieces.decay_per_s * pieces.current_A
+    squared = first**2 * -np.expm1(-2 * pieces.decay_per_s * pieces.duration_s) / (2 * pieces.decay_per_s)
+    expected = squared.sum(axis=0) / 25e-6 / (2 * np.pi * 20e3) ** 2
+    np.testing.assert_allclose(link_current(pieces, 20e3).slope_share_A2, expected, rtol=1e-9)  # closed forms
+
+
 def test_peak_to_peak_is_that_of_the_waveform() -> None:
     case = random_case(40, seed=14)
     place = np.linspace(0, 1, 20001)[:, None] * case.circuit.half_period_s

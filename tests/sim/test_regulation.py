@@ -97,8 +97,14 @@ def test_no_load_is_reached_everywhere(scan: Scan) -> None:
 
 def test_no_load_is_reached_when_the_secondary_is_late() -> None:
     D1, D2 = random_duties(40, seed=7)
-    late = edges_at(D1, D2, np.zeros(40)) + PHASE_SHIFT * 150e-9 / 25e-6
+    late = edges_at(D1, D2, np.zeros(40)) + PHASE_SHIFT * 400e-9 / 25e-6
     assert regulate(circuit(40), late, np.full(40, 1.0)).reached.all()
+
+
+def test_the_peak_of_a_narrow_pulse_is_found_far_below_the_lossless_one() -> None:
+    narrow = edges_at(np.array([0.1774]), np.array([0.2926]), np.zeros(1))
+    # the lossless ceiling is 558 W, the power at phase 1/2 is 461.2 W, the peak before it 462.7 W
+    assert regulate(circuit(1), narrow, np.array([462.3])).reached.all()
 
 
 def test_a_longer_dead_time_still_finds_light_loads() -> None:

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 _PWM_COUNTS = 2500  # of a half period: what the controller can set and report
 _TEMPERATURE_NOISE_K = 0.1
+_POINT_S = 180.0  # from one point to the next
 _IDLE = (0.8, 0.0)  # D1, D2 of a converter that runs without load
 
 
@@ -39,16 +40,16 @@ def schedule(
     for k, point in enumerate(zip(D1, D2, power_W, strict=True)):
         if k % reference_every == 0:
             rows.append((float(D1[0]), float(D2[0]), float(power_W[0]), "reference"))
-        rows.append((*map(float, point), "load"))
+        rows.append((float(point[0]), float(point[1]), float(point[2]), "load"))
     a, b, p, kind = zip(*rows, strict=True)
-    time_s = 180.0 * np.arange(len(rows))
+    time_s = _POINT_S * np.arange(len(rows), dtype=np.float64)
     return Schedule(D1=np.array(a), D2=np.array(b), power_W=np.array(p), kind=np.array(kind), time_s=time_s)
 
 
 def survey(
     lab: Laboratory, plan: Schedule, *, seed: int, supply_V: float = 300.0, samples: int = 8
 ) -> pd.DataFrame:
-    """The measurement table of a schedule: every point settled, each reading the mean of ``samples`` updates."""
+    """The measurement table of a schedule: every point settled, readings the mean of ``samples`` updates."""
     rng = np.random.default_rng(seed)
     on = plan.kind != "standby"
     D1, D2 = np.where(on, plan.D1, _IDLE[0]), np.where(on, plan.D2, _IDLE[1])
@@ -71,16 +72,19 @@ def survey(
         {
             "kind": plan.kind, "time_s": plan.time_s, "P_set_W": plan.power_W, "D1": D1, "D2": D2,
             "D0": running(np.round(truth.D0 * _PWM_COUNTS) / _PWM_COUNTS),
-            "V1_V": U1, "I1_A": I1, "P1_W": P1_shown, "V2_V": U2, "I2_A": I2, "P2_W": P2,
+            "V1_V": U1, "I1_A": I1, "P1_W": P1_shown,
+            "V2_V": U2, "I2_A": I2, "P2_W": P2,
             "efficiency": np.where(loaded, P2 / np.where(P1_shown > 0, P1_shown, np.nan), np.nan),
-            "I_L_rms_A": running(shown[3][1]), "P_link1_W": running(shown[3][2]), "P_link2_W": running(shown[4][2]),
+            "I_L_rms_A": running(shown[3][1]),
+            "P_link1_W": running(shown[3][2]), "P_link2_W": running(shown[4][2]),
             "T_ambient_C": float(lab.ambient_C(0.0)),
             "T_heatsink_C": sensor("heatsink", heat.heatsink_C),
             "T_transformer_C": sensor("transformer", heat.transformer_C),
             "T_inductor_C": sensor("inductor", heat.inductor_C),
         }
     )  # fmt: skip
-    return frame[truth.running | ~on].reset_index(drop=True)
+    shown_rows = np.flatnonzero(truth.running | ~on)
+    return frame.iloc[shown_rows].reset_index(drop=True)
 
 
 def _element(
@@ -101,8 +105,8 @@ def _averaged(
     lab: Laboratory, element: int, triple: tuple[Array, Array, Array], rng: np.random.Generator, samples: int
 ) -> tuple[Array, Array, Array]:
     readings = [read_element(lab.errors, element, triple, rng) for _ in range(samples)]
-    U, I, P = (np.mean([reading[k] for reading in readings], axis=0) for k in range(3))
-    return U, I, P
+    volts, amps, watts = (np.mean([reading[k] for reading in readings], axis=0) for k in range(3))
+    return volts, amps, watts
 
 
 def noise_free_efficiency(

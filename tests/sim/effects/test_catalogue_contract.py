@@ -8,7 +8,7 @@ import pytest
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
-from sim.parameters import ParameterError
+from sim.parameters import ParameterError, leaves
 from sim.simulate import Points, Result, simulate, simulate_many
 
 STAGES = {
@@ -27,6 +27,29 @@ STAGES = {
     "thermal, time": {"thermal_resistance", "warm_up_drift", "ambient_drift"},
     "measurement, command": {"analyzer_gain", "analyzer_offset", "analyzer_range_step", "duty_offset"},
 }  # fmt: skip
+_INNER, _OUTER, _CLAMP = "primary.inner", "primary.outer", "primary.clamp"
+_LOW = "secondary.switch"
+CHANGES = {
+    "link_resistance": {"link_resistance_Ohm"},
+    "skin_effect": {"inductor.winding.ac_extra", "transformer.winding.ac_extra"},
+    "leakage_inductance": {"inductor.inductance_H"},
+    "magnetizing_inductance": {"transformer.magnetizing_H"},
+    "dead_time": {"dead_time_s"},
+    "gate_delay_skew": {"secondary_delay_s"},
+    "igbt_saturation_voltage": {f"{_INNER}.on.threshold_V"},
+    "sic_on_resistance": {f"{_OUTER}.on.resistance_Ohm", f"{_LOW}.on.resistance_Ohm"},
+    "clamp_diode_drop": {f"{_CLAMP}.on.threshold_V", f"{_CLAMP}.on.resistance_Ohm"},
+    "turn_off_energy_primary": {f"{_OUTER}.turn_off.energy_J", f"{_INNER}.turn_off.energy_J"},
+    "turn_off_energy_secondary": {f"{_LOW}.turn_off.energy_J"},
+    "output_capacitance": {f"{_OUTER}.capacitance.zero_bias_F", f"{_LOW}.capacitance.zero_bias_F"},
+    "reverse_recovery": {f"{place}.recovery.charge_C" for place in (_CLAMP, _OUTER, _LOW)},
+    "core_loss_transformer": {"transformer.core.k"},
+    "core_loss_inductor": {"inductor.core.k"},
+    "auxiliary_power": {"auxiliary_power_W"},
+    "cable_resistance_input": {"input_cable_Ohm"},
+    "cable_resistance_output": {"output_cable_Ohm"},
+    "thermal_resistance": {"heatsink_K_per_W"},
+}
 METHODS = ("converter", "set_points", "added_loss_W", "observe")
 # unit in which a change of each column counts: what a good bench can just see
 SEEN = {"P1_W": 0.05, "D0": 1e-4, "T_heatsink_C": 0.1, "T_inductor_C": 0.1, "T_transformer_C": 0.1}
@@ -123,6 +146,13 @@ def test_two_halves_of_a_small_step_agree(entry: Effect, results: dict[str, list
 def test_it_changes_one_stage_only(entry: Effect) -> None:
     own = [name for name in METHODS if getattr(type(entry), name) is not getattr(Effect, name)]
     assert len(own) == 1, own
+
+
+@EVERY
+def test_it_changes_the_parameters_it_is_about_and_no_others(entry: Effect) -> None:
+    before = leaves(Model.baseline().converter)
+    after = leaves(set_to(entry, entry.headline.off + entry.headline.prior).altered_converter())
+    assert {path for path in before if before[path] != after[path]} == CHANGES.get(entry.name, set())
 
 
 @EVERY

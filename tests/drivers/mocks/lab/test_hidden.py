@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from drivers.mocks.lab.hidden import HIDDEN, UnknownEffect, drawn_values, hidden
+from drivers.mocks.lab.hidden import HIDDEN, UnknownEffect, drawn_values, hidden, hide
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.plant import Plant
 from sim.effects.catalogue import CATALOGUE
+from sim.model import Model
+from sim.prototype import prototype
 
 SETTLED_S = 300.0
 LOADS = ((0.95, 0.05, 1500.0), (0.8, 0.4, 400.0))
@@ -64,8 +66,26 @@ def test_what_can_be_hidden_is_inside_what_the_catalogue_can_say() -> None:
         assert headline.lower <= entry.drawn[0] < entry.drawn[1] <= headline.upper, name
 
 
-def test_each_hides_in_one_place() -> None:
+def test_each_hides_in_one_place_of_its_own() -> None:
     assert all((entry.part is None) != (entry.quirk is None) for entry in HIDDEN.values())
+    quirks = [entry.quirk for entry in HIDDEN.values() if entry.quirk]
+    assert len(set(quirks)) == len(quirks)
+
+
+@pytest.mark.parametrize("name", [name for name, entry in HIDDEN.items() if entry.part])
+def test_a_value_means_the_same_to_lab_and_catalogue(name: str) -> None:
+    value = hidden(name).drawn[1]
+    concealed, _ = hide(prototype(), {name: value})
+    assert concealed == Model.baseline().with_effect(name, **headline(name, value)).altered_converter()
+
+
+def headline(name: str, value: float) -> dict[str, float]:
+    return {CATALOGUE[name].headline.name: value}
+
+
+def test_a_hidden_drift_of_the_room_is_in_kelvin_per_hour() -> None:
+    lab = Laboratory.draw(seed=1, hidden={"ambient_drift": 3.0})
+    assert lab.ambient_C(7200.0) - lab.ambient_C(0.0) == pytest.approx(6.0)
 
 
 def test_a_value_that_is_given_is_taken() -> None:

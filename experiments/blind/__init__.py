@@ -1,0 +1,1 @@
+"""Blind trials: virtual labs with something hidden, diagnosed without being told, and scored."""

@@ -1,0 +1,63 @@
+"""How an experiment is run, and what it tells those who watch."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One moment of an experiment: how much is done, what was just done, seconds left where known."""
+
+    done: int
+    total: int
+    said: str
+    left_s: float | None = None
+
+
+Watch = Callable[[Step], None]
+
+
+def silent(_: Step) -> None:
+    """Watch nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """``scale`` thins an experiment (1 is all of it), ``out`` is its folder, ``now`` a clock in seconds."""
+
+    out: Path
+    scale: float = 1.0
+    processes: int = 2
+    watch: Watch = silent
+    now: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        if not 0 < self.scale <= 1:
+            raise ValueError(f"scale is {self.scale}; it must be above 0 and at most 1")
+        if self.processes < 1:
+            raise ValueError(f"processes is {self.processes}; it must be at least 1")
+
+    def thinned(self, count: int) -> int:
+        """So many of ``count``, at least one.
+
+        >>> Settings(out=Path("."), scale=0.1).thinned(6)
+        1
+        """
+        return max(1, round(count * self.scale))
+
+
+class Countdown:
+    """Counts what is done and tells the time left; what was there before the start sets no pace."""
+
+    def __init__(self, total: int, settings: Settings, *, before: int = 0) -> None:
+        self._total, self._done, self._before = total, before, before
+        self._watch, self._now, self._start_s = settings.watch, settings.now, settings.now()
+
+    def finished(self, said: str) -> None:
+        """One more is done."""
+        self._done += 1
+        pace_s = (self._now() - self._start_s) / (self._done - self._before)
+        left_s = pace_s * (self._total - self._done)
+        self._watch(Step(done=self._done, total=self._total, said=said, left_s=left_s))

@@ -1,0 +1,1 @@
+"""Other ways to the same answers, to compare ours with."""

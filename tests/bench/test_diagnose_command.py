@@ -1,0 +1,72 @@
+"""The verb diagnose on files: what it writes, and what it says of files that it cannot use."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.cli import main
+from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import schedule, survey
+from sim.model import Model
+from sim.simulate import Points, simulate
+
+
+def _campaign() -> pd.DataFrame:
+    rng = np.random.default_rng(8)
+    drawn = Points(D1=rng.uniform(0.5, 1, 80), D2=rng.uniform(0, 0.4, 80), power_W=rng.uniform(200, 1200, 80))
+    chosen = drawn.take(np.flatnonzero(simulate(Model.baseline(), drawn).feasible)[:40])
+    plan = schedule(np.asarray(chosen.D1), np.asarray(chosen.D2), np.asarray(chosen.power_W))
+    return survey(Laboratory.draw(seed=8, hidden={"core_loss_transformer": 0.9}), plan, seed=8)
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("data") / "measured.csv"
+    _campaign().to_csv(path, index=False)
+    return path
+
+
+def _run(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as stopped:
+        main([str(a) for a in arguments])
+    return int(stopped.value.code or 0)
+
+
+def test_writes_answer_model_and_residuals(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run("diagnose", table, "--out", tmp_path / "d", "--json", tmp_path / "answer.json") == 0
+    answer = json.loads((tmp_path / "answer.json").read_text())
+    assert answer == json.loads((tmp_path / "d" / "diagnosis.json").read_text())
+    assert answer["causes"][0]["effect"] == "core_loss_transformer"
+    assert "core_loss_transformer" in (tmp_path / "d" / "model.toml").read_text()
+    assert "residual_P1_W" in pd.read_csv(tmp_path / "d" / "residuals.csv")
+    assert "Cause named: transformer core loss" in capsys.readouterr().out.replace(
+        "core loss transformer", "transformer core loss"
+    )
+
+
+def test_a_missing_column_is_wrong_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "short.csv"
+    path.write_text("D1,D2,P1_W\n0.9,0.1,1000\n")
+    assert _run("diagnose", path, "--out", tmp_path / "d") == 2
+    said = capsys.readouterr().err
+    assert "short.csv" in said
+    assert "P2_W" in said
+
+
+def test_too_few_rows_says_how_many_are_needed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "two.csv"
+    path.write_text("D1,D2,P2_W,P1_W\n0.9,0.1,1000,1020\n0.9,0.05,600,612\n")
+    assert _run("diagnose", path, "--out", tmp_path / "d") == 1
+    assert "at least 12" in capsys.readouterr().err
+
+
+def test_an_unknown_effect_names_the_nearest(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run("diagnose", table, "--out", tmp_path / "d", "--without", "deadtime") == 1
+    assert "did you mean 'dead_time'" in capsys.readouterr().err

@@ -1,0 +1,122 @@
+"""The diagnosis as a whole: what it refuses, what it says, and that it names nothing where nothing is."""
+
+import json
+
+import pytest
+
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import LEAST_ROWS, Diagnosis, TooFewPoints, diagnose
+from sim.model import Model
+from sim.parameters import ParameterError
+from tests.models.diagnosis.virtual_campaign import lab_campaign, simulated_campaign
+
+RESISTANCE_Ohm = 0.1
+EFFICIENCY_ONLY = ["D1", "D2", "P2_W", "efficiency"]
+
+
+@pytest.fixture(scope="module")
+def named() -> Diagnosis:
+    """The diagnosis of a noise-free campaign of the simulator with one effect."""
+    model = Model.baseline().with_effect("link_resistance", resistance_Ohm=RESISTANCE_Ohm)
+    return diagnose(load_measurements(simulated_campaign(model, seed=2)))
+
+
+@pytest.fixture(scope="module")
+def efficiency_only() -> Diagnosis:
+    """The diagnosis of a table with nothing but set points and efficiency."""
+    measured = lab_campaign({"link_resistance": 0.12}, seed=3, count=40)
+    return diagnose(load_measurements(measured.loaded()[EFFICIENCY_ONLY]))
+
+
+# --- what it refuses ----------------------------------------------------------------------------------
+
+
+def test_too_few_rows_are_refused_with_the_number_needed() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=2, count=LEAST_ROWS - 4)
+    with pytest.raises(TooFewPoints, match=f"at least {LEAST_ROWS}"):
+        diagnose(load_measurements(frame.head(LEAST_ROWS - 1)))
+
+
+def test_an_unknown_effect_to_leave_out_is_refused_with_the_nearest() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=2, count=20)
+    with pytest.raises(ParameterError, match="did you mean 'skin_effect'"):
+        diagnose(load_measurements(frame), without=["skin_efect"])
+
+
+# --- what it says -------------------------------------------------------------------------------------
+
+
+def test_the_simulators_own_effect_comes_back_exactly(named: Diagnosis) -> None:
+    assert named.verdict.kind == "named"
+    fit = named.verdict.causes[0].fit
+    assert fit.effect == "link_resistance"
+    # the prior pulls towards 0, and the spreads of winding and switches share what looks alike
+    assert fit.value == pytest.approx(RESISTANCE_Ohm, abs=2 * fit.sigma)
+
+
+def test_the_answer_has_every_key(named: Diagnosis) -> None:
+    answer = named.as_plain("model.toml")
+    assert {
+        "schema", "verdict", "points", "channels", "gap", "causes", "groups", "unknown", "next", "gain",
+        "model", "noise", "rejected_rows",
+    } <= set(answer)  # fmt: skip
+    assert set(answer["gap"]) == {"mean_abs_efficiency", "mean_loss_W", "worst"}
+    assert {"probability", "formula"} == set(answer["unknown"])
+    assert {"blocks", "before", "after", "ci95", "wrong_cause", "leftover_only"} == set(answer["gain"])
+    assert (answer["schema"], answer["model"]) == (1, "model.toml")
+
+
+def test_every_cause_has_every_key(named: Diagnosis) -> None:
+    cause = named.as_plain()["causes"][0]
+    assert set(cause) == {"effect", "probability", "share_of_gap", "parameters", "tied_with", "says", "check"}
+    (parameter,) = cause["parameters"]
+    assert {"name", "value", "ci95", "off"} <= set(parameter)
+    low, high = parameter["ci95"]
+    assert low < parameter["value"] < high
+
+
+def test_the_answer_survives_json(named: Diagnosis) -> None:
+    answer = named.as_plain("model.toml")
+    assert json.loads(json.dumps(answer, allow_nan=False)) == answer
+
+
+def test_the_gap_is_that_of_the_readings_kept(named: Diagnosis) -> None:
+    table = named.residual_table().dropna(subset=["residual_P1_W"])
+    assert named.gap["mean_loss_W"] == pytest.approx(table["residual_P1_W"].mean(), rel=1e-12)
+    assert named.gap["mean_loss_W"] > 0  # a resistance costs power
+
+
+def test_readings_at_the_edge_of_what_can_be_carried_are_left_out_and_listed(named: Diagnosis) -> None:
+    kept = named.observations.row[named.observations.of("efficiency")]
+    listed = {row["row"] - 1 for row in named.rejected}
+    assert listed
+    assert listed.isdisjoint(kept.tolist())
+    assert len(listed) + len(set(kept.tolist())) == len(named.observations.frame)
+    assert all("within 12 %" in row["reason"] for row in named.rejected)
+
+
+def test_efficiency_alone_is_enough_to_run(efficiency_only: Diagnosis) -> None:
+    assert [channel.name for channel in efficiency_only.observations.channels] == ["efficiency"]
+    json.dumps(efficiency_only.as_plain(), allow_nan=False)
+
+
+def test_efficiency_alone_leaves_the_cause_among_the_first_two(efficiency_only: Diagnosis) -> None:
+    # on-resistance and link resistance look alike in efficiency: a cosine of 0.999
+    assert "link_resistance" in [cause.effect for cause in efficiency_only.verdict.causes[:2]]
+
+
+def test_what_is_left_out_of_the_catalogue_cannot_be_a_cause() -> None:
+    model = Model.baseline().with_effect("auxiliary_power", power_W=8.0)
+    frame = simulated_campaign(model, seed=2, count=24)[EFFICIENCY_ONLY]
+    diagnosis = diagnose(load_measurements(frame), without=["auxiliary_power"])
+    assert "auxiliary_power" not in [cause.effect for cause in diagnosis.verdict.causes]
+
+
+# --- nothing hidden -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_a_lab_that_hides_nothing_is_consistent(seed: int) -> None:
+    diagnosis = diagnose(lab_campaign({}, seed=seed, count=40))
+    assert diagnosis.verdict.kind == "consistent"
+    assert diagnosis.extended == diagnosis.baseline

@@ -1,0 +1,75 @@
+"""The gain on held-out bands of power, on linear data whose cause is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.diagnosis.covariance import Covariances, kernel
+from models.diagnosis.gain import Gain, held_out_gain
+from models.diagnosis.observations import Observations
+from tests.models.diagnosis.fabricated import fit_of, known, loads
+
+POWER = np.random.default_rng(1).permutation(np.linspace(200.0, 2000.0, 60))
+GROWING = (POWER / 1000.0) ** 2 * 50.0  # W per Ohm: a series resistance
+FLAT = np.full(60, 1.0)  # W per W: a constant loss
+RESISTANCE_Ohm = 0.08
+NOISE_W = 0.05
+NOISE = NOISE_W * np.random.default_rng(2).standard_normal(60)
+
+
+def campaign(residual: np.ndarray) -> Observations:
+    return replace(loads(POWER), value=POWER / 0.98 + residual)
+
+
+def gain_of(residual: np.ndarray) -> Gain:
+    cause = fit_of(
+        "link_resistance", RESISTANCE_Ohm * GROWING, slope=GROWING, value=RESISTANCE_Ohm
+    )
+    rival = fit_of("auxiliary_power", 2.0 * FLAT, slope=FLAT, value=2.0)
+    place = POWER[:, None] / 700.0
+    covariance = Covariances(plain=NOISE_W**2 * np.eye(60), leftover=kernel(place, place))
+    signatures = replace(known([], 60), baseline=POWER / 0.98)
+    gain = held_out_gain(campaign(residual), signatures, covariance, cause, rival, seed=0)
+    assert gain is not None
+    return gain
+
+
+def test_before_is_the_mean_gap_in_efficiency() -> None:
+    gain = gain_of(RESISTANCE_Ohm * GROWING)
+    P1 = POWER / 0.98
+    exact = np.mean(np.abs(POWER / P1 - POWER / (P1 + RESISTANCE_Ohm * GROWING)))
+    # the gain is linear in the gap, which is at most 0.8 % of the input power here
+    assert gain.before == pytest.approx(exact, rel=0.01)
+
+
+def test_the_true_cause_leaves_only_noise() -> None:
+    gain = gain_of(RESISTANCE_Ohm * GROWING + NOISE)
+    noise = np.mean(np.abs(NOISE) * POWER / (POWER / 0.98) ** 2)
+    assert gain.after == pytest.approx(noise, rel=0.1)  # the fit's own error adds a sixtieth
+    assert gain.after < 0.05 * gain.before
+
+
+def test_a_wrong_cause_and_a_leftover_leave_more() -> None:
+    gain = gain_of(RESISTANCE_Ohm * GROWING + NOISE)
+    assert gain.wrong_cause is not None
+    assert gain.wrong_cause > 5 * gain.after
+    assert gain.leftover_only > 2 * gain.after
+
+
+def test_the_interval_of_a_real_gain_excludes_zero_and_holds_the_mean() -> None:
+    gain = gain_of(RESISTANCE_Ohm * GROWING + NOISE)
+    low, high = gain.ci95
+    assert 0 < low < gain.before - gain.after < high
+
+
+def test_a_cause_that_is_not_there_gains_nothing() -> None:
+    gain = gain_of(NOISE)
+    assert gain.after == pytest.approx(gain.before, rel=0.1)  # one parameter fitted to 45 readings of noise
+
+
+def test_too_few_readings_have_no_blocks() -> None:
+    observations = loads(POWER[:8])
+    covariance = Covariances(plain=np.eye(8), leftover=np.eye(8))
+    fit = fit_of("link_resistance", GROWING[:8])
+    assert held_out_gain(observations, known([], 8), covariance, fit, None, seed=0) is None

@@ -1,0 +1,78 @@
+"""Noise from replicates: a known sigma comes back, and what is not noise does not pass for it."""
+
+import numpy as np
+import pytest
+
+from models.diagnosis.noise import estimate_noise, scale_of, sigma_of
+from models.diagnosis.observations import Observations
+from tests.models.diagnosis.fabricated import loads
+
+SET_POINTS, REPEATS = np.array([300.0, 600.0, 1000.0, 1500.0]), 75
+DIFFERENCES = SET_POINTS.size * (REPEATS - 1)
+# Squared differences of white noise are correlated: the estimate's relative standard error is
+# sqrt(3 / (4 n)) instead of sqrt(1 / (2 n)). Four of them: one seed in 15,000 is outside.
+TOLERANCE = 4 * np.sqrt(0.75 / DIFFERENCES)
+CAUTION = 1 + 0.7 / np.sqrt(DIFFERENCES)  # the estimate's stated distance to the upper side
+SIGMA = 2e-4  # of the power
+
+
+@pytest.fixture
+def campaign() -> Observations:
+    """Four set points, measured in turn, seventy-five times each."""
+    return loads(np.tile(SET_POINTS, REPEATS))
+
+
+def white(observations: Observations) -> np.ndarray:
+    draw = np.random.default_rng(5).standard_normal(observations.value.size)
+    return SIGMA * scale_of(observations, "efficiency") * draw
+
+
+def test_a_known_sigma_comes_back(campaign: Observations) -> None:
+    (noise,) = estimate_noise(campaign, white(campaign))
+    assert noise.differences == DIFFERENCES
+    assert noise.sigma / SIGMA / CAUTION == pytest.approx(1.0, abs=TOLERANCE)
+
+
+def test_a_linear_drift_is_not_taken_for_noise(campaign: Observations) -> None:
+    scale = scale_of(campaign, "efficiency")
+    drift = 20 * SIGMA * scale * np.linspace(0.0, 1.0, scale.size)
+    (noise,) = estimate_noise(campaign, white(campaign) + drift)
+    assert noise.sigma / SIGMA / CAUTION == pytest.approx(1.0, abs=TOLERANCE)
+    assert np.std(drift / scale) > 5 * SIGMA  # a plain standard deviation would have been fooled
+
+
+def test_what_a_set_point_itself_is_off_by_is_not_noise(campaign: Observations) -> None:
+    by_set_point = 0.01 * np.asarray(campaign.points.power_W)
+    (noise,) = estimate_noise(campaign, white(campaign) + by_set_point)
+    (plain,) = estimate_noise(campaign, white(campaign))
+    assert noise.sigma == pytest.approx(plain.sigma, rel=1e-9)  # rounding
+
+
+def test_heavy_tails_are_stated(campaign: Observations) -> None:
+    residual = white(campaign)
+    (normal,) = estimate_noise(campaign, residual)
+    (heavy,) = estimate_noise(campaign, np.where(np.arange(residual.size) % 40 == 0, 8 * residual, residual))
+    # the kurtosis of n normal draws has a standard error of sqrt(24 / n), here about 0.3
+    assert abs(normal.excess_kurtosis) < 4 * np.sqrt(24 / DIFFERENCES)
+    assert heavy.excess_kurtosis > 5
+
+
+def test_autocorrelation_is_stated(campaign: Observations) -> None:
+    draws = np.random.default_rng(6).standard_normal((REPEATS, SET_POINTS.size))
+    slow = draws.copy()
+    for k in range(1, REPEATS):
+        slow[k] = 0.8 * slow[k - 1] + 0.6 * draws[k]
+    scale = scale_of(campaign, "efficiency")
+    (white_noise,) = estimate_noise(campaign, scale * draws.ravel())
+    (slow_noise,) = estimate_noise(campaign, scale * slow.ravel())
+    # successive differences of white noise correlate by -1/2, of this one by -1/10
+    assert abs(white_noise.autocorrelation) < 0.3
+    assert slow_noise.autocorrelation > 0.5
+
+
+def test_without_replicates_an_assumed_noise_stands_in() -> None:
+    observations = loads(np.linspace(300.0, 1500.0, 30))
+    (noise,) = estimate_noise(observations, np.zeros(30))
+    assert noise.differences == 0
+    assert noise.sigma > 0
+    assert np.all(sigma_of(observations, [noise]) > 0)

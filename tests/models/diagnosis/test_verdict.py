@@ -1,0 +1,82 @@
+"""Verdicts from made-up probabilities, and isolability from made-up shifts."""
+
+import numpy as np
+import pytest
+
+from models.diagnosis.covariance import Whitener
+from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.verdict import Verdict, isolability, judge
+from tests.models.diagnosis.fabricated import fit_of
+
+SIGMA = 0.5
+WHITENER = Whitener.of(SIGMA**2 * np.eye(4))
+ALONG, ACROSS = np.array([30.0, 0.0, 0.0, 0.0]), np.array([0.0, 40.0, 0.0, 0.0])
+
+Entry = tuple[str | None, np.ndarray, float, float]
+
+
+def judged(*entries: Entry) -> Verdict:
+    """The verdict over (effect or None, shift, leftover in W, probability), in any order."""
+    hypotheses = [
+        Hypothesis(fit=fit_of(effect, shift), leftover_W=leftover, probability=probability)
+        for effect, shift, leftover, probability in entries
+    ]
+    return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER)
+
+
+def test_identical_shifts_cannot_be_told_apart() -> None:
+    a, b = fit_of("auxiliary_power", ALONG), fit_of("analyzer_offset", 3 * ALONG)
+    assert isolability(a, b, WHITENER) == pytest.approx(0.0, abs=1e-5)  # root of a rounding error
+
+
+def test_orthogonal_shifts_are_apart_by_their_length() -> None:
+    a, b = fit_of("auxiliary_power", ALONG), fit_of("gate_delay_skew", ACROSS)
+    assert isolability(a, b, WHITENER) == pytest.approx(30.0 / SIGMA, rel=1e-12)
+    assert isolability(b, a, WHITENER) == pytest.approx(40.0 / SIGMA, rel=1e-12)
+
+
+def test_one_cause_with_95_per_cent_is_named() -> None:
+    verdict = judged(("link_resistance", ALONG, 0.0, 0.97), (None, 0 * ALONG, 0.0, 0.03))
+    assert verdict.kind == "named"
+    assert [c.effect for c in verdict.causes] == ["link_resistance"]
+    assert verdict.groups == ()
+
+
+def test_a_cause_counts_with_and_without_leftover() -> None:
+    verdict = judged(("link_resistance", ALONG, 0.0, 0.5), ("link_resistance", ALONG, 1.5, 0.46),
+                     (None, 0 * ALONG, 0.0, 0.04))  # fmt: skip
+    assert verdict.kind == "named"
+    assert verdict.causes[0].probability == pytest.approx(0.96)
+
+
+def test_a_leftover_beside_a_name_is_said() -> None:
+    verdict = judged(("link_resistance", ALONG, 1.5, 0.96), (None, 0 * ALONG, 5.0, 0.04))
+    assert verdict.kind == "named"
+    assert verdict.unknown_probability == pytest.approx(1.0)
+
+
+def test_tied_causes_make_a_group() -> None:
+    verdict = judged(("auxiliary_power", ALONG, 0.0, 0.6), ("analyzer_offset", ALONG, 0.0, 0.38),
+                     (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
+    assert verdict.kind == "group"
+    assert verdict.groups == (("auxiliary_power", "analyzer_offset"),)
+    assert verdict.causes[0].tied_with == ("analyzer_offset",)
+
+
+def test_causes_that_can_be_told_apart_are_no_group() -> None:
+    verdict = judged(("auxiliary_power", ALONG, 0.0, 0.6), ("gate_delay_skew", ACROSS, 0.0, 0.38),
+                     (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
+    assert verdict.kind != "group"
+    assert verdict.groups == ()
+
+
+def test_where_nothing_cannot_be_excluded_no_cause_is_named() -> None:
+    verdict = judged(("link_resistance", ALONG, 0.0, 0.85), (None, 0 * ALONG, 0.0, 0.15))
+    assert verdict.kind == "consistent"
+    assert verdict.consistent_probability == pytest.approx(0.15)
+
+
+def test_a_leftover_without_a_cause_is_unknown() -> None:
+    verdict = judged((None, 0 * ALONG, 5.0, 0.9), ("link_resistance", ALONG, 5.0, 0.1))
+    assert verdict.kind == "unknown"
+    assert verdict.unknown_probability == pytest.approx(1.0)

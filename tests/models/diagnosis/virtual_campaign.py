@@ -1,0 +1,45 @@
+"""Campaigns for the tests: measured in a virtual lab, or made by the simulator itself."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import schedule, survey
+from models.dataset import Measurements, load_measurements
+from sim.model import Model
+from sim.simulate import Points, simulate
+
+Array = NDArray[np.float64]
+COLUMNS = (
+    "D0", "P1_W", "P2_W", "efficiency", "I_L_rms_A", "P_link1_W", "P_link2_W",
+    "T_heatsink_C", "T_transformer_C", "T_inductor_C",
+)  # fmt: skip
+
+
+def set_points(count: int, seed: int) -> tuple[Array, Array, Array]:
+    """D1, D2 and power of so many points of a Latin hypercube that the baseline can carry."""
+    low, high = np.array([0.4, 0.0, 200.0]), np.array([1.0, 0.5, 1800.0])
+    unit = qmc.LatinHypercube(d=3, rng=np.random.default_rng(seed)).random(3 * count)
+    D1, D2, power = (low + unit * (high - low)).T
+    kept = np.flatnonzero(simulate(Model.baseline(), Points(D1=D1, D2=D2, power_W=power)).feasible)[:count]
+    return D1[kept], D2[kept], power[kept]
+
+
+def lab_campaign(hidden: Mapping[str, float | None], *, seed: int, count: int = 60) -> Measurements:
+    """What the instruments of a virtual lab show of a whole campaign, in random order."""
+    lab = Laboratory.draw(seed=seed, hidden=hidden)
+    return load_measurements(survey(lab, schedule(*set_points(count, seed)), seed=seed))
+
+
+def simulated_campaign(model: Model, *, seed: int, count: int = 60) -> pd.DataFrame:
+    """What a model says of a campaign, without any noise, every fifth row measured twice."""
+    D1, D2, power = set_points(count, seed)
+    order = np.sort(np.concatenate([np.arange(D1.size), np.arange(0, D1.size, 5)]))
+    result = simulate(model, Points(D1=D1[order], D2=D2[order], power_W=power[order]))
+    frame = pd.DataFrame({name: result[name] for name in COLUMNS})
+    frame = frame.assign(kind="load", D1=D1[order], D2=D2[order], time_s=180.0 * np.arange(order.size))
+    return frame[result.feasible].reset_index(drop=True)
