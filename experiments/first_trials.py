@@ -58,11 +58,12 @@ def plan(settings: Settings) -> list[BlindTrial]:
 
 
 def drawn(effect: str, size: str, seed: int) -> float:
-    """A value from a third of the lab's range, log-uniform."""
-    low, high = map(math.log, HIDDEN[effect].drawn)
-    third = (high - low) / len(SIZES)
-    start = low + SIZES.index(size) * third
-    return math.exp(np.random.default_rng([seed, 11]).uniform(start, start + third))
+    """A value from a third of the lab's range, log-uniform; the large ones are those furthest from off."""
+    off = CATALOGUE[effect].headline.off
+    near, far = map(math.log, sorted(HIDDEN[effect].drawn, key=lambda value: abs(value - off)))
+    third = (far - near) / len(SIZES)
+    start = near + SIZES.index(size) * third
+    return math.exp(start + third * float(np.random.default_rng([seed, 11]).uniform()))
 
 
 def run(settings: Settings) -> Result:

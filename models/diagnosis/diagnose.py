@@ -16,7 +16,7 @@ from models.diagnosis.gain import Gain, held_out_gain
 from models.diagnosis.next_measurement import NextMeasurement, next_measurements
 from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.signatures import signatures
+from models.diagnosis.signatures import power_to_spare, signatures
 from models.diagnosis.verdict import SURE, Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
@@ -146,14 +146,14 @@ def _extended(baseline: Model, verdict: Verdict) -> Model:
     return baseline.with_effect(signature.effect, **signature.values(verdict.causes[0].fit.value))
 
 
-def _edge_rows(observations: Observations, kept: NDArray[np.bool_]) -> list[dict[str, Any]]:
+def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
     """Rows of which no reading can be used, with the reason."""
-    lost = np.setdiff1d(observations.row[~kept], observations.row[kept])
+    lost = np.setdiff1d(whole.row, kept.row)
     return [
         {
             "row": int(row) + 1,
             "column": "P2_W",
-            "value": float(observations.frame.iloc[row]["P2_W"]),
+            "value": float(whole.frame.iloc[row]["P2_W"]),
             "reason": "within 12 % of the most that D1 and D2 can carry, or above it: D0 answers there to everything "
             "at once, so nothing can be told apart",
         }
@@ -195,10 +195,12 @@ def diagnose(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
         )
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
+    whole, spare = observations, power_to_spare(observations, baseline)
+    observations = observations.take(spare)
     known = signatures(observations, baseline, left_out)
     kept = known.finite()
-    rejected = _edge_rows(observations, kept)
     observations, known = observations.take(kept), known.take(kept)
+    rejected = _edge_rows(whole, observations)
     usable = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
     if usable < LEAST_ROWS:
         raise TooFewPoints(

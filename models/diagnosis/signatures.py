@@ -10,7 +10,7 @@ from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.parameters import Converter
-from sim.simulate import Points, simulate
+from sim.simulate import Points, can_run, simulate
 from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
@@ -132,25 +132,32 @@ def _imitates(signature: Signature, others: list[Signature]) -> bool:
     return False
 
 
+def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bool_]:
+    """Readings (M,) of rows that the model could run with 12 % more power, and of rows without any.
+
+    Closer to the most that D1 and D2 can carry, D0 answers to everything at once and not linearly.
+    """
+    p = observations.points
+    spare = can_run(baseline, replace(p, power_W=p.power_W * (1 + _EDGE)))
+    return np.asarray(spare | ~np.asarray(p.pwm, dtype=bool))[observations.row]
+
+
 def _inputs(observations: Observations, baseline: Model, base: Array) -> tuple[tuple[Array, Array], Array]:
     """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2.
 
-    The noise of P2 is already in the replicates of the input power, which follows it; there it is zero. Close to
-    the most that D1 and D2 can carry, where D0 answers to everything at once and not linearly, it is NaN.
+    The noise of P2 is already in the replicates of the input power, which follows it; there it is zero.
     """
-    p = observations.points
+    used, row = np.unique(observations.row, return_inverse=True)
+    p = observations.points.take(used)
     moved = [
         replace(p, V1_V=p.V1_V * (1 + _VOLTAGE_GAIN)),
         replace(p, V2_V=p.V2_V * (1 + _VOLTAGE_GAIN)),
         replace(p, power_W=p.power_W * (1 + _P2_NOISE)),
-        replace(p, power_W=p.power_W * (1 + _EDGE)),
     ]
     result = simulate(baseline, Points.join(moved))
-    V1, V2, P2 = (observations.predicted(result, observations.row + k * len(p)) - base for k in range(3))
-    edge = ~result.feasible[observations.row + 3 * len(p)]
-    P2 = np.where(edge, np.nan, P2)
+    V1, V2, P2 = (observations.predicted(result, row + k * used.size) - base for k in range(3))
     follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
-    return (V1, V2), np.where(follows & ~edge, 0.0, np.abs(P2))
+    return (V1, V2), np.where(follows, 0.0, np.abs(P2))
 
 
 def _instrument_spreads(observations: Observations, converter: Converter) -> tuple[list[str], Array]:

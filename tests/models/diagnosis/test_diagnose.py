@@ -62,7 +62,7 @@ def test_the_answer_has_every_key(named: Diagnosis) -> None:
     } <= set(answer)  # fmt: skip
     assert set(answer["gap"]) == {"mean_abs_efficiency", "mean_loss_W", "worst"}
     assert {"probability", "formula"} == set(answer["unknown"])
-    assert {"blocks", "before", "after", "ci95", "wrong_cause", "leftover_only"} == set(answer["gain"])
+    assert {"blocks", "before", "after", "ci95", "wrong_cause", "leftover_only"} <= set(answer["gain"])
     assert (answer["schema"], answer["model"]) == (1, "model.toml")
 
 
@@ -117,6 +117,6 @@ def test_what_is_left_out_of_the_catalogue_cannot_be_a_cause() -> None:
 
 @pytest.mark.parametrize("seed", [21, 22, 23])
 def test_a_lab_that_hides_nothing_is_consistent(seed: int) -> None:
-    diagnosis = diagnose(lab_campaign({}, seed=seed, count=40))
+    diagnosis = diagnose(lab_campaign({}, seed=seed))
     assert diagnosis.verdict.kind == "consistent"
     assert diagnosis.extended == diagnosis.baseline

@@ -22,13 +22,14 @@ def campaign(residual: np.ndarray) -> Observations:
     return replace(loads(POWER), value=POWER / 0.98 + residual)
 
 
-def gain_of(residual: np.ndarray) -> Gain:
-    cause = fit_of(
-        "link_resistance", RESISTANCE_Ohm * GROWING, slope=GROWING, value=RESISTANCE_Ohm
-    )
+def gain_of(residual: np.ndarray, spread: np.ndarray | None = None) -> Gain:
+    cause = fit_of("link_resistance", RESISTANCE_Ohm * GROWING, slope=GROWING, value=RESISTANCE_Ohm)
     rival = fit_of("auxiliary_power", 2.0 * FLAT, slope=FLAT, value=2.0)
     place = POWER[:, None] / 700.0
-    covariance = Covariances(plain=NOISE_W**2 * np.eye(60), leftover=kernel(place, place))
+    plain = NOISE_W**2 * np.eye(60)
+    if spread is not None:
+        plain = plain + np.outer(spread, spread)
+    covariance = Covariances(plain=plain, leftover=kernel(place, place))
     signatures = replace(known([], 60), baseline=POWER / 0.98)
     gain = held_out_gain(campaign(residual), signatures, covariance, cause, rival, seed=0)
     assert gain is not None
@@ -55,6 +56,13 @@ def test_a_wrong_cause_and_a_leftover_leave_more() -> None:
     assert gain.wrong_cause is not None
     assert gain.wrong_cause > 5 * gain.after
     assert gain.leftover_only > 2 * gain.after
+
+
+def test_calibration_takes_a_spread_up_beside_the_cause() -> None:
+    gain = gain_of(RESISTANCE_Ohm * GROWING + NOISE + FLAT, spread=FLAT)
+    noise = np.mean(np.abs(NOISE) * POWER / (POWER / 0.98) ** 2)
+    assert gain.after > 3 * gain.calibrated
+    assert gain.calibrated == pytest.approx(noise, rel=0.15)  # two parameters fitted to 45 readings
 
 
 def test_the_interval_of_a_real_gain_excludes_zero_and_holds_the_mean() -> None:

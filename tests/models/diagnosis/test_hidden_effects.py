@@ -21,7 +21,7 @@ WITHOUT_LOSS = {"gate_delay_skew", "ambient_drift"}  # seen in D0, or in tempera
 @pytest.fixture(scope="module", params=HIDDEN)
 def hidden(request: pytest.FixtureRequest) -> tuple[str, Diagnosis]:
     """The name of what the seed hid, and the diagnosis of its campaign."""
-    return request.param, diagnose(lab_campaign({request.param: None}, seed=SEED))
+    return request.param, diagnose(lab_campaign({request.param: None}, seed=SEED, count=40))
 
 
 def test_it_is_the_first_cause_or_in_the_group(hidden: tuple[str, Diagnosis]) -> None:
@@ -44,10 +44,11 @@ def test_the_extended_model_is_the_baseline_and_the_first_cause(hidden: tuple[st
     assert list(diagnosis.extended.effects) == [diagnosis.verdict.causes[0].effect]
 
 
-def test_where_it_costs_power_the_extension_gains(hidden: tuple[str, Diagnosis]) -> None:
+def test_where_it_costs_power_the_extension_gains_on_bands_not_fitted(hidden: tuple[str, Diagnosis]) -> None:
     name, diagnosis = hidden
-    assert diagnosis.gain is not None
-    if name in WITHOUT_LOSS:
-        assert diagnosis.gain.after < 1.5 * diagnosis.gain.before  # it must not cost accuracy either
-    else:
-        assert diagnosis.gain.after < 0.7 * diagnosis.gain.before
+    gain = diagnosis.gain
+    assert gain is not None
+    if name not in WITHOUT_LOSS:
+        assert gain.after < gain.before
+        assert gain.ci95[0] > 0
+    assert gain.calibrated < 0.5 * gain.before  # with the spreads beside it, gains whatever the cause is

@@ -1,0 +1,33 @@
+"""Scored trials and an experiment made up by hand."""
+
+from experiments.blind.scoring import Scored
+from experiments.blind.trial import Answer, BlindTrial
+from experiments.harness.registry import Entry, Experiment
+from experiments.harness.result import Goal, Result, Table
+from experiments.harness.settings import Settings
+
+
+def scored(effect: str | None, verdict: str, *stated: str, seed: int = 20_000) -> Scored:
+    """A trial that hid ``effect``, and a verdict that stands for ``stated``."""
+    value = None if effect is None else 0.1
+    trial = BlindTrial(effect=effect, value=value, size="small", seed=seed)
+    first = stated[0] if stated else "dead_time"
+    return Scored(trial=trial, answer=Answer(verdict=verdict, stated=stated, first=first, probability=0.9))
+
+
+def result(_: Settings | None = None) -> Result:
+    """One goal met, one missed, one table."""
+    return Result(
+        virtual=True,
+        goals=(
+            Goal(name="found", value=93.0, bar=90.0, at_least=True, unit="%", ci95=(88.0, 96.0)),
+            Goal(name="regret", value=0.5, bar=0.01, at_least=False, unit="points"),
+        ),
+        tables=(Table(title="Speed", columns=("what", "s"), rows=(("grid <1>", 2.5), ("[swarm]", None))),),
+        notes=("seeds 1 to 2",),
+    )
+
+
+ENTRY = Entry(
+    name="made_up", about="One line.\n\nAnd a paragraph.", experiment=Experiment(title="T", run=result)
+)

@@ -1,0 +1,56 @@
+"""The verb: found by the command line, prints tables, writes files, refuses wrong use."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from bench import cli
+from experiments import command
+from tests.experiments.fabricated import ENTRY
+
+
+def d2ea(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(arguments)
+    return int(ended.value.code or 0)
+
+
+@pytest.fixture
+def made_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command, "names", lambda: ["made_up"])
+    monkeypatch.setattr(command, "entry", lambda name: ENTRY)
+
+
+def test_the_list_names_every_experiment(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("experiment", "list") == 0
+    printed = capsys.readouterr().out
+    for name in command.names():
+        assert name in printed
+
+
+@pytest.mark.usefixtures("made_up")
+@pytest.mark.parametrize("name", ["made_up", "all"])
+def test_a_run_prints_its_tables_and_writes_its_files(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert d2ea("experiment", name, "--quick", "--out", str(tmp_path)) == 0
+    printed = capsys.readouterr().out
+    assert "[swarm]" in printed
+    assert "≤ 0.01 points  missed" in printed
+    assert "VIRTUAL LAB" in printed
+    assert json.loads((tmp_path / "made_up.json").read_text())["scale"] == 0.1
+    assert (tmp_path / "made_up.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("first_trail",), "did you mean 'first_trials'"),
+        (("first_trials", "--scale", "0"), "--scale = 0.0"),
+        (("first_trials", "--quick", "--scale", "0.5"), "give one of the two"),
+    ],
+)
+def test_wrong_use_is_told(arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("experiment", *arguments) == 2
+    assert said in capsys.readouterr().err

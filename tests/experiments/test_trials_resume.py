@@ -1,0 +1,103 @@
+"""Trials are kept one by one, are not run twice, and are not taken from other code."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.harness.journal import Journal, code_hash
+from experiments.harness.settings import Settings, Step
+from experiments.harness.trials import perform
+
+done: list[int] = []
+
+
+@dataclass(frozen=True)
+class Square:
+    number: int
+
+    @property
+    def key(self) -> str:
+        return f"number {self.number}"
+
+
+def square(trial: Square) -> dict[str, Any]:
+    done.append(trial.number)
+    if trial.number == 13:
+        raise RuntimeError("the power went off")
+    return {"square": trial.number**2}
+
+
+def threads(trial: Square) -> dict[str, Any]:
+    return {"process": os.getpid(), "threads": os.environ["OMP_NUM_THREADS"]}
+
+
+@pytest.fixture(autouse=True)
+def nothing_done() -> None:
+    done.clear()
+
+
+def journal(folder: Path, code: str = "a") -> Journal:
+    return Journal(path=folder / "trials.jsonl", code=code)
+
+
+def run(folder: Path, *numbers: int, code: str = "a") -> list[dict[str, Any]]:
+    settings = Settings(out=folder, processes=1)
+    return perform(square, [Square(n) for n in numbers], journal(folder, code), settings)
+
+
+def test_a_run_that_broke_off_goes_on_where_it_was(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError):
+        run(tmp_path, 1, 2, 13, 4)
+    done.clear()
+    assert run(tmp_path, 4, 2, 1) == [{"square": 16}, {"square": 4}, {"square": 1}]
+    assert done == [4]
+
+
+def test_a_line_cut_off_by_a_crash_is_run_again(tmp_path: Path) -> None:
+    run(tmp_path, 1, 2)
+    path = journal(tmp_path).path
+    path.write_text(path.read_text()[:-9])
+    done.clear()
+    run(tmp_path, 1, 2, 3)
+    assert done == [2, 3]
+    assert len(journal(tmp_path).read()) == 3
+
+
+def test_trials_of_other_code_do_not_count_and_stay(tmp_path: Path) -> None:
+    run(tmp_path, 1)
+    run(tmp_path, 1, code="b")
+    assert done == [1, 1]
+    assert journal(tmp_path, "a").read() == journal(tmp_path, "b").read() == {"number 1": {"square": 1}}
+
+
+def test_the_hash_of_code_is_that_of_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import experiments.blind as package
+
+    before = code_hash(package)
+    assert before == code_hash(package)
+    (tmp_path / "one.py").write_text("x = 1\n")
+    monkeypatch.setattr(package, "__path__", [str(tmp_path)])
+    one = code_hash(package)
+    (tmp_path / "one.py").write_text("x = 2\n")
+    assert len({before, one, code_hash(package)}) == 3
+
+
+def test_progress_counts_what_was_there_but_takes_no_pace_from_it(tmp_path: Path) -> None:
+    run(tmp_path, 1, 2)
+    steps: list[Step] = []
+    clock = iter([100.0, 103.0, 106.0])
+    settings = Settings(out=tmp_path, processes=1, watch=steps.append, now=lambda: next(clock))
+    perform(square, [Square(n) for n in (1, 2, 3, 4)], journal(tmp_path), settings)
+    assert [(s.done, s.total, s.left_s) for s in steps] == [(3, 4, 3.0), (4, 4, 0.0)]
+
+
+def test_processes_of_their_own_use_one_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    trials = [Square(n) for n in range(3)]
+    records = perform(threads, trials, journal(tmp_path), Settings(out=tmp_path, processes=2))
+    assert {r["threads"] for r in records} == {"1"}
+    assert os.getpid() not in {r["process"] for r in records}
+    assert os.environ["OMP_NUM_THREADS"] == "7"
