@@ -21,7 +21,7 @@ import experiments.harness.lab_data
 import models
 import sim
 from drivers.mocks.lab.hidden import HIDDEN
-from experiments.blind.scoring import Scored, Share, false_share, found_share
+from experiments.blind.scoring import Scored, Share, covered_share, false_share, found_share
 from experiments.blind.trial import Answer, BlindTrial, ask
 from experiments.harness.journal import Journal, code_hash
 from experiments.harness.registry import Experiment
@@ -104,7 +104,7 @@ def _goal(name: str, share: Share, bar: float, *, at_least: bool) -> Goal:
 def _trial_table(title: str, scored: Sequence[Scored]) -> Table:
     columns = (
         "hidden", "value", "unit", "size", "seed", "verdict", "first cause", "probability", "its value", "±",
-        "leftover", "outcome", "found", "false name",
+        "holds the value", "leftover", "found", "false name",
     )  # fmt: skip
     return Table(title=title, columns=columns, rows=tuple(_trial_row(s) for s in scored))
 
@@ -114,8 +114,8 @@ def _trial_row(s: Scored) -> tuple[Cell, ...]:
     verdict = a.verdict if len(a.stated) < 2 else f"group: {', '.join(a.stated)}"
     return (
         t.effect or "nothing", t.value, None if t.effect is None else CATALOGUE[t.effect].headline.unit,
-        t.size, t.seed, verdict if not a.refused else f"{a.verdict}: {a.refused}", a.first,
-        a.probability, a.value, a.half_width, a.leftover, s.outcome, s.found, s.false_name,
+        t.size, t.seed, verdict, a.first,
+        a.probability, a.value, a.half_width, s.covered, a.leftover, s.found, s.false_name,
     )  # fmt: skip
 
 
@@ -137,12 +137,16 @@ def _effect_table(scored: Sequence[Scored]) -> Table:
 def _notes(scored: Sequence[Scored]) -> tuple[str, ...]:
     seeds = [s.trial.seed for s in scored]
     cpu_s = [s.answer.cpu_s for s in scored]
+    covered = covered_share(scored)
     never = sorted(set(CATALOGUE) ^ set(HIDDEN))
     return (
         f"{len(scored)} trials, seeds {min(seeds)} to {max(seeds)}, each used once; seeds below 10000 were "
         "used for tuning and are in no table here",
         "intervals are 95 % of Clopper and Pearson; probability, value and ± (95 %) are of the first cause",
+        f"where the first cause is the hidden effect, {covered.hits} of {covered.trials} intervals (±) hold the "
+        "hidden value, to which the lab adds its own tolerances",
         f"a trial took {np.median(cpu_s):.1f} s of processor time in the median, {max(cpu_s):.1f} s at most",
+        *(f"no answer of seed {s.trial.seed}: {s.answer.refused}" for s in scored if s.answer.refused),
         f"not tried, since catalogue and lab do not share them: {', '.join(never) or 'none'}",
     )
 

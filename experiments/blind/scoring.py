@@ -28,6 +28,14 @@ class Scored:
         return bool(self.answer.stated) and not self.found
 
     @property
+    def covered(self) -> bool | None:
+        """Whether the interval of the first cause holds the hidden value; None where that is another effect."""
+        t, a = self.trial, self.answer
+        if t.effect is None or t.effect != a.first or t.value is None or a.value is None:
+            return None
+        return a.half_width is not None and abs(a.value - t.value) <= a.half_width
+
+    @property
     def outcome(self) -> str:
         """``found``, ``missed``, ``false name``; of nothing hidden ``rightly none`` or ``not said``."""
         if self.found or self.false_name:
@@ -67,3 +75,9 @@ def found_share(scored: Sequence[Scored]) -> Share:
 def false_share(scored: Sequence[Scored]) -> Share:
     """How many answers named something that was not there."""
     return Share(hits=sum(s.false_name for s in scored), trials=len(scored))
+
+
+def covered_share(scored: Sequence[Scored]) -> Share:
+    """How many of the intervals of a first cause that is the hidden effect hold its value."""
+    known = [s.covered for s in scored if s.covered is not None]
+    return Share(hits=sum(known), trials=len(known))

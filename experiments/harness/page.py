@@ -8,6 +8,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from bench.commands.streams import VIRTUAL
 from experiments.harness.registry import Entry
 from experiments.harness.result import Result, shown
 
@@ -37,7 +38,7 @@ class Page:
         )
         environment.filters["shown"] = shown
         paragraphs = [" ".join(part.split()) for part in self.entry.about.split("\n\n")]
-        return environment.get_template("page.html").render(page=self, paragraphs=paragraphs)
+        return environment.get_template("page.html").render(page=self, paragraphs=paragraphs, virtual=VIRTUAL)
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Write both files in one step each."""

@@ -6,6 +6,8 @@ from typing import Any
 
 Cell = str | int | float | bool | None
 
+_NOTHING, _LARGE = 1e-15, 1e4  # smaller is not worth an exponent, larger has no decimals
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
@@ -87,13 +89,15 @@ class Result:
 def shown(cell: Cell) -> str:
     """A cell as people read it: four significant digits, a dash for what is not known.
 
-    >>> shown(0.123456), shown(12500.0), shown(True), shown(None)
-    ('0.1235', '12500', 'yes', '–')
+    >>> shown(0.123456), shown(12500.0), shown(1e-65), shown(True), shown(None)
+    ('0.1235', '12500', '0', 'yes', '–')
     """
     if isinstance(cell, bool):
         return "yes" if cell else "no"
     if isinstance(cell, float) and math.isfinite(cell):
-        return f"{cell:.0f}" if abs(cell) >= 1e4 else f"{cell:.4g}"
+        if abs(cell) < _NOTHING:
+            return "0"
+        return f"{cell:.0f}" if abs(cell) >= _LARGE else f"{cell:.4g}"
     return "–" if cell is None or isinstance(cell, float) else str(cell)
 
 

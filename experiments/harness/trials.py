@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -53,7 +54,8 @@ def _spread(processes: int) -> Callable[[Callable[[T], Record], Sequence[T]], It
         if not trials:
             return
         fresh = multiprocessing.get_context("spawn")
-        with one_thread_each(), ProcessPoolExecutor(processes, mp_context=fresh) as pool:
+        pool = ProcessPoolExecutor(processes, mp_context=fresh, initializer=end_with_parent)
+        with one_thread_each(), pool:
             running = {pool.submit(work, trial): trial for trial in trials}
             try:
                 for future in as_completed(running):
@@ -62,6 +64,18 @@ def _spread(processes: int) -> Callable[[Callable[[T], Record], Sequence[T]], It
                 pool.shutdown(wait=False, cancel_futures=True)
 
     return finished
+
+
+def end_with_parent() -> None:
+    """Let this process end when the one that started it does, however that ends: none is left behind."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

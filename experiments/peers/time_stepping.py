@@ -95,7 +95,9 @@ def _half_period(circuit: Circuit, edges: Array, start: _State, steps: int) -> t
     for k in range(steps):
         since = np.mod((k + 1) / steps - edges, 1.0)  # from each leg's edge to the end of this step
         opened = np.minimum(since * steps, 1.0)  # share of the step after the edge
-        closed = np.clip((since - dead) * steps, 0.0, 1.0)  # share of the step after the dead time
+        closed = np.clip(
+            (since - dead) * steps, 0.0, 1.0
+        )  # share after the dead time: all the way, hard or not
         q = np.where(since * steps < 1.0, 0.0, q)
         rising = np.where(np.mod((k + 1) / steps - edges, 2.0) < 1.0, 1.0, -1.0)
         position = _position(circuit, q) * (1.0 - closed) + closed
@@ -107,7 +109,6 @@ def _half_period(circuit: Circuit, edges: Array, start: _State, steps: int) -> t
         secondary = circuit.turns_ratio * (mid - im)
         leaving = rising * np.stack([-mid, -mid, secondary, secondary])
         q = np.clip(q + h * leaving * opened, 0.0, circuit.charge_C)
-        q = np.where(closed > 0.0, circuit.charge_C, q)  # what is missing is switched hard
         im = im + h * nvs / circuit.magnetizing_H
         i = after
     return _State(link_A=i, magnetizing_A=im, charge_C=q), square / steps, power / steps

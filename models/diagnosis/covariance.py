@@ -18,6 +18,7 @@ from models.diagnosis.signatures import Signatures
 
 Array = NDArray[np.float64]
 
+_LEAST_LEFT = 1e-9  # of a direction known ten thousand times better than its spread: rounding
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
 
 
@@ -37,6 +38,40 @@ class Whitener:
     def solve(self, right: Array) -> Array:
         """C^-1 right."""
         return np.asarray(cho_solve(self.factor, right, check_finite=False))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relieved:
+    """A factored covariance without some of its directions: C - J J^T, by Woodbury's identity.
+
+    An effect takes the place of the everyday spread of its own parameters, so its hypothesis is weighed without.
+    """
+
+    base: Whitener
+    directions: Array
+    weighted: Array
+    inner: Array
+    log_determinant: float
+
+    @classmethod
+    def of(cls, base: Whitener, directions: Array) -> "Relieved":
+        """Without the ``directions`` (k, M), which the covariance contains."""
+        weighted = base.solve(directions.T)
+        left = np.eye(len(directions)) - directions @ weighted
+        values, vectors = np.linalg.eigh(0.5 * (left + left.T))
+        values = np.maximum(values, _LEAST_LEFT)
+        return cls(
+            base=base,
+            directions=directions,
+            weighted=weighted,
+            inner=vectors / values @ vectors.T,
+            log_determinant=base.log_determinant + float(np.sum(np.log(values))),
+        )
+
+    def solve(self, right: Array) -> Array:
+        """(C - J J^T)^-1 right."""
+        plain = self.base.solve(right)
+        return np.asarray(plain + self.weighted @ (self.inner @ (self.directions @ plain)))
 
 
 def length_scale(observations: Observations) -> Array:

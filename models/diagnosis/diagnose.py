@@ -82,8 +82,10 @@ class Diagnosis:
     def _cause(self, cause: Cause) -> dict[str, Any]:
         signature = cause.fit.signature
         assert signature is not None
-        entry, half = signature.entry, _Z95 * cause.fit.sigma
-        head = entry.headline
+        entry, head = signature.entry, signature.entry.headline
+        half = _Z95 * float(
+            np.hypot(cause.fit.sigma, head.tolerance)
+        )  # the part's own spread is in the value
         parameters: list[dict[str, Any]] = [
             {
                 "name": head.name,

@@ -11,12 +11,12 @@ most probable state of all everyday spreads under it, until it stands still (Gau
 Laplace's at that point.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Covariances, Whitener
+from models.diagnosis.covariance import Covariances, Relieved, Whitener
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signature, Signatures
 from sim.effects.base import EffectParameter
@@ -29,6 +29,8 @@ _CONSISTENT, _LEFTOVER = 0.5, 0.2  # prior probabilities
 _LEADING = 8  # candidates that are followed to the end
 _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
 _ROUNDS = 5
+_BENT = 4.0  # squared sigmas between a line and the simulation from which more starts are tried
+_FAR = (-1.0, -0.4, 0.4, 1.0)  # of the prior scale: where they are
 _STILL = 0.05  # of the value's standard deviation
 _WITHIN = 3.0  # sigmas that a spread may take
 
@@ -38,7 +40,8 @@ class Fit:
     """One hypothesis fitted: nothing (``signature`` None) or an effect's value with its standard deviation.
 
     ``shift`` (M,) is what it adds to the baseline's prediction, beside the linear part of the spreads;
-    ``slope`` (M,) its change per unit of the value; ``log_evidence`` counts against the bare baseline.
+    ``slope`` (M,) its change per unit of the value; ``log_evidence`` counts against the bare baseline. ``own``
+    (k, M) are the everyday spreads of the effect's own parameters, whose place its value takes.
     """
 
     signature: Signature | None
@@ -47,6 +50,7 @@ class Fit:
     log_evidence: float
     shift: Array
     slope: Array
+    own: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def effect(self) -> str:
@@ -67,28 +71,38 @@ def _within(head: EffectParameter, value: float) -> float:
     return float(np.clip(value, head.lower, head.upper))
 
 
-def _screened(signature: Signature, residual: Array, whitener: Whitener) -> Fit:
-    """The closed form for one signature."""
+def _relieved(own: Array, whitener: Whitener) -> Whitener | Relieved:
+    """The covariance under a hypothesis: without the everyday spread of the parameters that it explains."""
+    return Relieved.of(whitener, own) if own.size else whitener
+
+
+def _screened(signature: Signature, own: Array, residual: Array, whitener: Whitener) -> Fit:
+    """The closed form for one signature; ``own`` (k, M) are the spreads of its own parameters."""
     head = signature.entry.headline
-    weighted = whitener.solve(signature.slope)
+    under = _relieved(own, whitener)
+    weighted = under.solve(signature.slope)
     d2, b = float(signature.slope @ weighted), float(weighted @ residual)
     precision = d2 + 1 / head.prior**2
     value = _within(head, head.off + float(np.clip(b / precision, -head.prior, head.prior)))
+    changed = log_likelihood(residual, under) - log_likelihood(residual, whitener) if own.size else 0.0
     return Fit(
         signature=signature,
         value=value,
         sigma=float(1 / np.sqrt(precision)),
-        log_evidence=0.5 * b**2 / precision - 0.5 * float(np.log1p(head.prior**2 * d2)),
+        log_evidence=0.5 * b**2 / precision - 0.5 * float(np.log1p(head.prior**2 * d2)) + changed,
         shift=signature.slope * (value - head.off),
         slope=signature.slope,
+        own=own,
     )
 
 
 def _laplace(fit: Fit, residual: Array, whitener: Whitener) -> tuple[Fit, float]:
     """The fit with Laplace's evidence at its shift, and the Gauss-Newton step of its value from there."""
+    under = _relieved(fit.own, whitener)
     left = residual - fit.shift
-    weighted = whitener.solve(np.stack([fit.slope, left, residual], axis=1))
-    misfit = float(left @ weighted[:, 1]) - float(residual @ weighted[:, 2])
+    weighted = under.solve(np.stack([fit.slope, left], axis=1))
+    bare = float(residual @ whitener.solve(residual)) + whitener.log_determinant
+    misfit = float(left @ weighted[:, 1]) + under.log_determinant - bare
     if fit.signature is None:
         return replace(fit, log_evidence=-0.5 * misfit), 0.0
     head = fit.signature.entry.headline
@@ -116,8 +130,12 @@ class Refinery:
 
     def spreads(self, fit: Fit) -> Array:
         """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
-        all_of_them = self.known.spreads @ self.whitener.solve(self.residual - fit.shift)
-        return np.clip(all_of_them[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
+        under = _relieved(fit.own, self.whitener)
+        all_of_them = self.known.spreads @ under.solve(self.residual - fit.shift)
+        state = np.clip(all_of_them[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
+        if fit.signature is not None:
+            state[self.known.own_spreads(fit.effect)] = 0.0
+        return np.asarray(state)
 
     def model(self, fit: Fit, spreads: Array, more: float = 0.0) -> Model:
         """The baseline with these spreads and the fit's effect, its value moved by ``more``."""
@@ -189,22 +207,58 @@ def _best_variants(fits: list[Fit]) -> list[Fit]:
     return best
 
 
+def _starts(line: Fit, curve: Fit, whitener: Whitener) -> list[Fit]:
+    """More values to start from, for an effect whose simulated shift is not its line: Gauss-Newton may go astray."""
+    assert line.signature is not None
+    bend = curve.shift - line.shift
+    if float(bend @ whitener.solve(bend)) < _BENT:
+        return []
+    head = line.signature.entry.headline
+    values = {_within(head, head.off + far * head.prior) for far in _FAR}
+    return [
+        replace(line, value=v, shift=line.slope * (v - head.off)) for v in sorted(values) if v != head.off
+    ]
+
+
+def _best_starts(fits: list[Fit]) -> list[Fit]:
+    """The best fit of each effect, best first."""
+    best: dict[str, Fit] = {}
+    for fit in sorted(fits, key=lambda f: -f.log_evidence):
+        best.setdefault(fit.effect, fit)
+    return list(best.values())
+
+
 def fitted(refinery: Refinery) -> tuple[Fit, list[Fit]]:
-    """Nothing, and every effect alone, best first; all were simulated once, the leading ones to the end."""
+    """Nothing, and every effect alone, best first.
+
+    All are simulated once; those that lead, and those that are not nearly linear, to the end.
+    """
     residual, whitener = refinery.residual, refinery.whitener
     still = np.zeros_like(residual)
     nothing = Fit(signature=None, value=0.0, sigma=0.0, log_evidence=0.0, shift=still, slope=still)
     (nothing,) = refinery.followed([nothing])
-    screened = [_screened(s, residual - nothing.shift, whitener) for s in refinery.known.effects]
-    once = refinery.simulated(_best_variants(screened), slopes=False)
-    once = sorted((_laplace(fit, residual, whitener)[0] for fit in once), key=lambda f: -f.log_evidence)
+    known = refinery.known
+    screened = [
+        _screened(s, known.spreads[known.own_spreads(s.effect)], residual - nothing.shift, whitener)
+        for s in known.effects
+    ]
+    best = _best_variants(screened)
+    tried = refinery.simulated(best, slopes=False)
+    starts = [
+        start for line, curve in zip(best, tried, strict=True) for start in _starts(line, curve, whitener)
+    ]
+    if starts:
+        tried += refinery.simulated(starts, slopes=False)
+    once = _best_starts([_laplace(fit, residual, whitener)[0] for fit in tried])
     behind = once[0].log_evidence - max(_BEHIND, 0.3 * abs(once[0].log_evidence))
-    leading = [fit for fit in once[:_LEADING] if fit.log_evidence > behind]
-    rest = once[len(leading) :]
+    bent = {start.effect for start in starts}
+    near = {fit.effect for fit in once[:_LEADING] if fit.log_evidence > behind}
+    leading = [fit for fit in once if fit.effect in near | bent]
+    rest = [fit for fit in once if fit.effect not in near | bent]
     return nothing, sorted([*refinery.followed(leading), *rest], key=lambda f: -f.log_evidence)
 
 
-def log_likelihood(residual: Array, whitener: Whitener) -> float:
+def log_likelihood(residual: Array, whitener: Whitener | Relieved) -> float:
     """Gaussian log likelihood of the residuals, up to the constant that all share."""
     return -0.5 * float(residual @ whitener.solve(residual)) - 0.5 * whitener.log_determinant
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from models.diagnosis.observations import Observations
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
+from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter
 from sim.simulate import Points, can_run, simulate
@@ -19,6 +20,7 @@ _ROOT_3 = 3**0.5
 _VOLTAGE_GAIN = 5e-4 / _ROOT_3  # of a dc voltage: 0.05 % of reading, uniform
 _P2_NOISE = 1e-4  # of reading, one averaged reading
 _COLLINEAR = 0.9999
+_SILENT = 1e-3  # over all readings, in their units: above the solver's tolerance, below every noise
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
 _STEP = (
     0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
@@ -57,6 +59,14 @@ class Signatures:
     spread_names: tuple[str, ...]
     spreads: Array
     input_sigma: Array
+
+    def own_spreads(self, name: str) -> NDArray[np.intp]:
+        """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
+        entry = CATALOGUE[name]
+        paths = set(entry.paths) if isinstance(entry, ParameterEffect) else set()
+        return np.array(
+            [k for k, spread in enumerate(self.spread_entries) if spread.path in paths], dtype=np.intp
+        )
 
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
@@ -122,7 +132,7 @@ def _imitates(signature: Signature, others: list[Signature]) -> bool:
         return False
     slope = np.nan_to_num(signature.slope)
     length = float(np.linalg.norm(slope))
-    if length == 0.0:
+    if length * signature.entry.headline.prior < _SILENT:
         return True
     for other in others:
         if not other.entry.threshold:

@@ -7,12 +7,21 @@ from experiments.harness.result import Goal, Result, Table
 from experiments.harness.settings import Settings
 
 
-def scored(effect: str | None, verdict: str, *stated: str, seed: int = 20_000) -> Scored:
-    """A trial that hid ``effect``, and a verdict that stands for ``stated``."""
-    value = None if effect is None else 0.1
-    trial = BlindTrial(effect=effect, value=value, size="small", seed=seed)
-    first = stated[0] if stated else "dead_time"
-    return Scored(trial=trial, answer=Answer(verdict=verdict, stated=stated, first=first, probability=0.9))
+def scored(
+    effect: str | None, verdict: str, *stated: str, seed: int = 20_000, value: float | None = None
+) -> Scored:
+    """A trial that hid 0.1 of ``effect``; a verdict that stands for ``stated``, with a ``value`` ± 0.02."""
+    hidden = None if effect is None else 0.1
+    trial = BlindTrial(effect=effect, value=hidden, size="small", seed=seed)
+    answer = Answer(
+        verdict=verdict,
+        stated=stated,
+        first=stated[0] if stated else "fan_step",
+        probability=0.9,
+        value=value,
+        half_width=None if value is None else 0.02,
+    )
+    return Scored(trial=trial, answer=answer)
 
 
 def result(_: Settings | None = None) -> Result:

@@ -54,7 +54,7 @@ def test_sizes_are_thirds_of_the_range_by_their_distance_from_off(effect: str) -
 
 
 def test_set_points_are_feasible_and_the_reference_has_power_to_spare() -> None:
-    points = random_set_points(20, np.random.default_rng(3))
+    points = random_set_points(4, np.random.default_rng(8))  # whose first feasible point has none to spare
     points[0, 2] *= 1.12
     D1, D2, power_W = points.T
     assert simulate(Model.baseline(), Points(D1=D1, D2=D2, power_W=power_W)).feasible.all()

@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy.stats import beta
 
-from experiments.blind.scoring import Share, false_share, found_share
+from experiments.blind.scoring import Share, covered_share, false_share, found_share
 from experiments.first_trials import scored_result
 from tests.experiments.fabricated import scored
 
@@ -65,5 +65,16 @@ def test_misses_stay_visible() -> None:
     assert found.name == "hidden effects found (17 of 19)"
     assert false.value == pytest.approx(100 / 19)
     wrong = next(table for table in result.tables if table.title.startswith("Not found"))
-    assert [row[wrong.columns.index("outcome")] for row in wrong.rows] == ["missed", "false name"]
+    assert [row[wrong.columns.index("verdict")] for row in wrong.rows] == ["unknown", "named"]
+    assert [row[wrong.columns.index("false name")] for row in wrong.rows] == [False, True]
     assert result.virtual
+
+
+def test_an_interval_is_judged_only_where_its_cause_is_the_hidden_effect() -> None:
+    near, far, other = (
+        scored("dead_time", "named", stated, value=value)
+        for stated, value in (("dead_time", 0.11), ("dead_time", 0.13), ("fan_step", 0.1))
+    )
+    assert (near.covered, far.covered, other.covered) == (True, False, None)
+    assert scored(None, "consistent").covered is None
+    assert (covered_share([near, far, other]).hits, covered_share([near, far, other]).trials) == (1, 2)

@@ -1,6 +1,9 @@
 """Trials are kept one by one, are not run twice, and are not taken from other code."""
 
+import fcntl
 import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -101,3 +104,17 @@ def test_processes_of_their_own_use_one_thread(tmp_path: Path, monkeypatch: pyte
     assert {r["threads"] for r in records} == {"1"}
     assert os.getpid() not in {r["process"] for r in records}
     assert os.environ["OMP_NUM_THREADS"] == "7"
+
+
+def test_a_killed_run_leaves_no_process_behind(tmp_path: Path) -> None:
+    lock = tmp_path / "lock"
+    lock.touch()
+    command = [sys.executable, "-m", "tests.experiments.held_trials", str(lock)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == "locked\n"
+        run.kill()
+        with lock.open("r+") as file:
+            fcntl.flock(
+                file, fcntl.LOCK_EX
+            )  # returns when the trial's process is gone; else the test times out

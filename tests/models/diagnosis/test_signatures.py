@@ -1,0 +1,92 @@
+"""Signatures: small steps that stay possible, and slopes that predict what the simulator does."""
+
+import numpy as np
+import pytest
+
+from models.diagnosis.observations import Observations, observe
+from models.diagnosis.signatures import Signatures, signatures, step_of
+from sim.effects.catalogue import CATALOGUE
+from sim.model import Model
+from sim.prototype import prototype
+from sim.spread import everyday_spread
+from tests.models.diagnosis.virtual_campaign import simulated_campaign
+
+
+@pytest.fixture(scope="module")
+def observations() -> Observations:
+    frame = simulated_campaign(Model.baseline(), seed=1, count=16)
+    return observe(frame[frame["P2_W"] < 1000.0], prototype())  # well below what D1 and D2 can carry
+
+
+@pytest.fixture(scope="module")
+def known(observations: Observations) -> Signatures:
+    return signatures(observations, Model.baseline())
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_step_stays_inside_the_bounds(name: str) -> None:
+    head = CATALOGUE[name].headline
+    assert step_of(CATALOGUE[name]) != 0
+    assert head.lower <= head.off + step_of(CATALOGUE[name]) <= head.upper
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("sigmas", [-3.0, 3.0])
+def test_every_effect_can_stand_beside_every_spread(name: str, sigmas: float) -> None:
+    head, converter = CATALOGUE[name].headline, prototype()
+    own = getattr(CATALOGUE[name], "paths", ())  # the effect takes the place of these parameters' spreads
+    for spread in everyday_spread(converter):
+        if spread.path not in own:
+            converter = spread.shifted(converter, sigmas)  # as far as a diagnosis lets a spread go
+    for value in (head.lower, head.upper):
+        Model(converter=converter).with_effect(name, **{head.name: value}).altered_converter()
+
+
+def test_the_baseline_is_what_was_measured(observations: Observations, known: Signatures) -> None:
+    assert known.finite().all()
+    # both calls solve to 1e-6 of the power
+    np.testing.assert_allclose(known.baseline, observations.value, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [
+        ("link_resistance", "efficiency"),
+        ("auxiliary_power", "efficiency"),
+        ("analyzer_gain", "efficiency"),
+        ("gate_delay_skew", "D0"),
+        ("thermal_resistance", "T_heatsink_C"),
+    ],
+)
+def test_a_slope_predicts_another_small_step(
+    observations: Observations, known: Signatures, name: str, channel: str
+) -> None:
+    (signature,) = (s for s in known.effects if s.effect == name)
+    step, mask = 0.5 * step_of(signature.entry), observations.of(channel)
+    (seen,) = observations.simulate([Model.baseline().with_effect(name, **signature.values(step))])
+    moved, said = (seen - known.baseline)[mask], signature.slope[mask] * step
+    # what is not linear in half a step of a fifth of the prior is a few per cent of the largest move
+    np.testing.assert_allclose(said, moved, atol=0.05 * np.max(np.abs(moved)))
+
+
+def test_a_threshold_that_no_reading_crosses_is_no_candidate(
+    observations: Observations, known: Signatures
+) -> None:
+    hottest_C = float(observations.frame["T_heatsink_C"].max())
+    tried = [s.other["threshold_C"] for s in known.effects if s.effect == "fan_step"]
+    assert all(threshold_C < hottest_C for threshold_C in tried)
+    scan = CATALOGUE["fan_step"].parameters[1].scan
+    assert any(threshold_C > hottest_C for threshold_C in scan)  # so the rule had something to do
+
+
+def test_what_is_left_out_has_no_signature(observations: Observations) -> None:
+    few = observe(observations.frame.head(3), prototype())
+    found = {s.effect for s in signatures(few, Model.baseline(), frozenset({"skin_effect"})).effects}
+    smooth = {name for name, entry in CATALOGUE.items() if not entry.threshold}
+    assert found & smooth == smooth - {"skin_effect"}
+
+
+def test_every_spread_has_a_direction(known: Signatures) -> None:
+    assert len(known.spread_names) == len(known.spreads)
+    lengths = np.linalg.norm(known.spreads, axis=1)
+    assert np.all(lengths[: len(known.spread_entries)] > 0)

@@ -1,0 +1,208 @@
+"""The house in order: what the documents say is what the code has, and the rules of the house hold."""
+
+import ast
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from bench.cli import build
+from bench.config import CampaignConfig, check
+from bench.tables import COLUMNS
+from bench.wording import MODEL_NAMES, VERDICTS
+from drivers.mocks.lab.hidden import HIDDEN
+from models.screening import KINDS, KNOWN_COLUMNS
+from sim.effects.catalogue import CATALOGUE
+from sim.model import Model
+from sim.modulation import EDGES
+from sim.simulate import PARTS, Points, simulate
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("sim", "drivers", "models", "bench", "experiments")
+DOCUMENTS = (ROOT / "README.md", ROOT / "NOMENCLATURE.md", *sorted((ROOT / "docs").rglob("*.md")))
+MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+
+Row = tuple[str, ...]
+
+
+def section(document: str, heading: str) -> str:
+    """The text under a heading of the second level."""
+    text = (ROOT / document).read_text(encoding="utf-8")
+    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    assert found, f"{document} has no heading {heading!r}"
+    return found[1]
+
+
+def table(document: str, heading: str, number: int = 0) -> list[Row]:
+    """The rows of the first (or another) table under a heading, cells without code marks."""
+    lines = section(document, heading).splitlines()
+    starts = [k for k, line in enumerate(lines) if line.startswith("|---")]
+    rows = []
+    for line in lines[starts[number] + 1 :]:
+        if not line.startswith("|"):
+            break
+        rows.append(tuple(cell.strip().replace("`", "") for cell in line.strip("|").split("|")))
+    return rows
+
+
+def first_cells(heading: str, number: int = 0) -> list[str]:
+    return [row[0] for row in table("NOMENCLATURE.md", heading, number)]
+
+
+# --- NOMENCLATURE.md ----------------------------------------------------------------------------------
+
+
+def effect_rows() -> Iterator[Row]:
+    for name, entry in CATALOGUE.items():
+        head = entry.headline
+        also = ", ".join(f"{p.name} ({p.unit})" for p in entry.parameters[1:]) or "–"
+        yield name, entry.stage, head.name, head.unit, f"{head.off:g}", also
+
+
+def test_effects_are_those_of_the_catalogue() -> None:
+    assert table("NOMENCLATURE.md", "Effects") == list(effect_rows())
+
+
+def test_measurement_columns_are_those_that_are_read_and_stored() -> None:
+    listed = first_cells("Measurement table")
+    assert sorted(listed) == sorted(KNOWN_COLUMNS)
+    assert sorted(listed) == sorted(COLUMNS)
+
+
+def test_simulation_columns_are_those_of_a_result() -> None:
+    listed = []
+    for name in first_cells("Simulation table"):
+        several = {"loss_<part>_W": [f"loss_{p}_W" for p in PARTS], "zvs_<edge>": [f"zvs_{e}" for e in EDGES]}
+        listed += several.get(name, [name])
+    result = simulate(Model.baseline(), Points(D1=0.9, D2=0.1, power_W=500.0))
+    assert sorted(listed) == sorted(result.columns())
+
+
+def test_loss_parts_are_those_of_the_simulator() -> None:
+    assert first_cells("Loss parts") == list(PARTS)
+
+
+def test_kinds_verdicts_and_models_are_those_of_the_code() -> None:
+    assert set(first_cells("Kinds")) == set(KINDS)
+    assert set(first_cells("Diagnosis")) == set(VERDICTS)
+    assert first_cells("Efficiency models") == list(MODEL_NAMES)
+
+
+def test_parameters_end_in_a_listed_unit_or_have_none() -> None:
+    endings = {unit.removeprefix("_") for unit in first_cells("Units")}
+    units = {"Ohm", "W", "H", "s", "V", "A", "C", "K_per_h"}
+    named = {p.name for entry in CATALOGUE.values() for p in entry.parameters if p.unit != "1"}
+    assert all(any(name.endswith(f"_{unit}") for unit in units) for name in named)
+    assert units - {"K_per_h"} <= endings
+
+
+# --- README.md ----------------------------------------------------------------------------------------
+
+
+def test_the_readme_lists_every_command_and_no_other() -> None:
+    commands = get_command(build()).commands  # type: ignore[attr-defined]  # it is a group
+    assert sorted(row[0] for row in table("README.md", "Commands")) == sorted(f"d2ea {c}" for c in commands)
+
+
+def test_the_readme_leads_to_every_folder_and_each_is_there() -> None:
+    listed = [row[0].rstrip("/") for row in table("README.md", "Where things are")]
+    assert set(PACKAGES) | {"tests", "docs"} <= set(listed)
+    assert all((ROOT / folder).is_dir() for folder in listed)
+
+
+def test_the_readmes_campaign_can_be_read() -> None:
+    block = re.search(r"```toml\n(.*?)```", section("README.md", "Without hardware"), re.DOTALL)
+    assert block
+    check(tomllib.loads(block[1]), CampaignConfig, file="README.md")
+
+
+def test_the_readmes_make_targets_exist() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    asked = set(re.findall(r"\bmake (?:PYTHON=\S+ )?([a-z]+)\b", text))
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    assert {"demo", "test"} <= asked <= targets
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    for target, anchor in re.findall(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)", text):
+        path = document.parent / target if target else document
+        assert path.exists(), f"{document.name} links to {target}"
+        headings = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE) if anchor else []
+        assert not anchor or anchor in [h.lower().replace(" ", "-") for h in headings]
+
+
+def test_every_decision_has_context_decision_and_consequences() -> None:
+    for path in (ROOT / "docs" / "decisions").glob("*.md"):
+        text = path.read_text(encoding="utf-8")
+        assert re.findall(r"^## (.*)$", text, re.MULTILINE) == ["Context", "Decision", "Consequences"], (
+            path.name
+        )
+        assert len(text.splitlines()) <= 45, f"{path.name} is longer than half a page"
+
+
+# --- the rules ----------------------------------------------------------------------------------------
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def called(path: Path) -> set[str]:
+    """Names of everything a module calls, without what stands before the last dot."""
+    calls = [node.func for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
+    return {call.attr if isinstance(call, ast.Attribute) else getattr(call, "id", "") for call in calls}
+
+
+def where(names: set[str]) -> set[str]:
+    """Modules outside the mocks that call one of these names."""
+    modules = {path: path.relative_to(ROOT).as_posix() for path in MODULES}
+    return {
+        name
+        for path, name in modules.items()
+        if not name.startswith("drivers/mocks/") and called(path) & names
+    }
+
+
+def test_only_the_transport_opens_connections() -> None:
+    assert where({"serial_for_url", "Serial", "create_connection"}) == {"drivers/transport.py"}
+
+
+def test_only_the_store_writes_to_the_database() -> None:
+    assert where({"create_engine"}) == {"bench/store.py"}
+
+
+def test_files_stay_short() -> None:
+    long = {p.name: n for p in MODULES if (n := len(p.read_text(encoding="utf-8").splitlines())) > 400}
+    assert not long, "one concept per file, 400 lines at most"
+
+
+def test_functions_take_few_parameters() -> None:
+    for path in MODULES:
+        if path.parent.name == "commands" or path.name == "command.py":
+            continue  # a verb's options are its parameters
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.FunctionDef):
+                a = node.args
+                names = [
+                    x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs) if x.arg not in ("self", "cls")
+                ]
+                assert len(names) <= 6, f"{path.name}: {node.name} takes {len(names)}; give them an object"
+
+
+def test_the_lab_can_hide_every_effect_of_the_catalogue() -> None:
+    assert set(CATALOGUE) <= set(HIDDEN)
+
+
+def test_the_check_of_a_change_can_be_run() -> None:
+    script = ROOT / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    assert "make test" in script.read_text(encoding="utf-8")
+    assert ".ci/run" in (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
