@@ -10,7 +10,7 @@ A loss behind P_link2 moves D0; one before it does not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,13 +41,14 @@ _COLUMNS = (
 class Result:
     """What the model says of N points: flags, reasons, and columns of shape (N,), NaN where infeasible.
 
-    In standby (``pwm`` false) the input takes nothing, and the bridge's columns are NaN.
+    ``seed`` is what variants of the model start from. In standby (``pwm`` false) the input takes nothing, and the bridge's columns are NaN.
     """
 
     points: Points
     feasible: NDArray[np.bool_]
     reason: NDArray[np.str_]
     values: dict[str, Array]
+    seed: "_Seed | None" = field(default=None, repr=False, compare=False)
 
     def __getitem__(self, column: str) -> Array:
         return self.values[column]
@@ -66,19 +67,22 @@ def simulate(model: Model, points: Points) -> Result:
     return simulate_many([model], points)[0]
 
 
-def simulate_many(models: Sequence[Model], points: Points) -> list[Result]:
+def simulate_many(models: Sequence[Model], points: Points, near: Result | None = None) -> list[Result]:
     """Several variants of one converter at the same points, in one vectorised call.
 
-    The first is solved from nothing, the others from its solution where that leaves power to spare.
+    All are solved from ``near``, a result of one of them or their like at the same points, where that has power
+    to spare; without it the first is solved from nothing and the others from that.
     """
-    first, *variants = models
-    whole = _solve(first.altered_converter(), first.set_points(points), None)
-    results = [_result(first, points, whole)]
+    variants, results, seed = list(models), [], None if near is None else near.seed
+    if seed is None:
+        first = variants.pop(0)
+        whole = _solve(first.altered_converter(), first.set_points(points), None)
+        results, seed = [_result(first, points, whole)], whole.seed
     if variants:
         size = len(points)
         converter = stack([model.altered_converter() for model in variants], size)
         moved = Points.join([model.set_points(points) for model in variants])
-        solved = _solve(converter, moved, whole.seed)
+        solved = _solve(converter, moved, seed)
         for k, model in enumerate(variants):
             results.append(_result(model, points, solved.rows(slice(k * size, (k + 1) * size))))
     return results
@@ -129,7 +133,13 @@ class _Solution:
 def _result(model: Model, points: Points, solution: _Solution) -> Result:
     at = model.set_points(points)
     shown = model.observe(at, _with_added_loss(model, at, solution.values))
-    return Result(points=points, feasible=solution.reason == "", reason=solution.reason, values=shown)
+    return Result(
+        points=points,
+        feasible=solution.reason == "",
+        reason=solution.reason,
+        values=shown,
+        seed=solution.seed,
+    )
 
 
 def _with_added_loss(model: Model, points: Points, truth: dict[str, Array]) -> dict[str, Array]:

@@ -213,11 +213,17 @@ def diagnose(
     noise = estimate_noise(observations, residual)
     covariance = covariances(observations, noise, known)
     refinery = Refinery(
-        known=known, observations=observations, baseline=baseline, whitener=Whitener.of(covariance.plain)
+        known=known,
+        observations=observations,
+        baseline=baseline,
+        whitener=Whitener.of(covariance.plain),
+        near=observations.reference(baseline),
     )
     progress("weighing the causes")
     hypotheses = posterior(refinery, covariance)
-    verdict = judge(hypotheses, refinery.whitener)
+    left = residual - hypotheses[0].fit.shift
+    misfit = float(left @ refinery.whitener.solve(left)) / left.size
+    verdict = judge(hypotheses, refinery.whitener, misfit)
     leading = verdict.causes[0].fit if verdict.causes else None
     chosen = hypotheses[0].fit if leading is None or verdict.kind in ("consistent", "unknown") else leading
     gain = None

@@ -21,6 +21,7 @@ from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signature, Signatures
 from sim.effects.base import EffectParameter
 from sim.model import Model
+from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
@@ -116,12 +117,13 @@ def _laplace(fit: Fit, residual: Array, whitener: Whitener) -> tuple[Fit, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refinery:
-    """Simulates hypotheses at their fitted values and spreads."""
+    """Simulates hypotheses at their fitted values and spreads, each starting from ``near``."""
 
     known: Signatures
     observations: Observations
     baseline: Model
     whitener: Whitener
+    near: Result | None = None
 
     @property
     def residual(self) -> Array:
@@ -155,7 +157,7 @@ class Refinery:
             steps.append(_beside(fit) if slopes else 0.0)
             if steps[-1] != 0.0:
                 models.append(self.model(fit, state, steps[-1]))
-        seen = iter(self.observations.simulate(models))
+        seen = iter(self.observations.simulate(models, self.near))
         moved = []
         for fit, step, state in zip(fits, steps, states, strict=True):
             linear = state @ self.known.spreads[: state.size]
@@ -167,14 +169,22 @@ class Refinery:
         return moved
 
     def followed(self, fits: list[Fit]) -> list[Fit]:
-        """Gauss-Newton until all stand still."""
-        for _ in range(_ROUNDS):
+        """Gauss-Newton until all stand still; what falls far behind is left where it is."""
+        given_up: list[Fit] = []
+        for turn in range(_ROUNDS):
             pairs = [_laplace(fit, self.residual, self.whitener) for fit in self.simulated(fits, slopes=True)]
             still = all(abs(step) <= _STILL * fit.sigma for fit, step in pairs)
-            fits = [fit if still else _moved(fit, step) for fit, step in pairs]
             if still:
-                break
-        return fits
+                return [*(fit for fit, _ in pairs), *given_up]
+            least = _hopeless(max(fit.log_evidence for fit, _ in pairs)) if turn else -np.inf
+            given_up += [fit for fit, _ in pairs if fit.log_evidence < least]
+            fits = [_moved(fit, step) for fit, step in pairs if fit.log_evidence >= least]
+        return [*fits, *given_up]
+
+
+def _hopeless(best: float) -> float:
+    """Evidence below which a candidate will not catch up with the best."""
+    return best - max(_BEHIND, 0.3 * abs(best))
 
 
 def _beside(fit: Fit) -> float:
@@ -250,7 +260,7 @@ def fitted(refinery: Refinery) -> tuple[Fit, list[Fit]]:
     if starts:
         tried += refinery.simulated(starts, slopes=False)
     once = _best_starts([_laplace(fit, residual, whitener)[0] for fit in tried])
-    behind = once[0].log_evidence - max(_BEHIND, 0.3 * abs(once[0].log_evidence))
+    behind = _hopeless(once[0].log_evidence)
     bent = {start.effect for start in starts}
     near = {fit.effect for fit in once[:_LEADING] if fit.log_evidence > behind}
     leading = [fit for fit in once if fit.effect in near | bent]

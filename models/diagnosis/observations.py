@@ -93,10 +93,17 @@ class Observations:
         table = np.stack([result[c.column] for c in self.channels])
         return np.asarray(table[self.channel, self.row if row is None else row])
 
-    def simulate(self, models: Sequence[Model]) -> list[Array]:
-        """Prediction of every reading by each model, in one call; rows without readings are left out."""
+    def reference(self, model: Model) -> Result:
+        """A simulation of the rows with readings, for variants to start from."""
+        return simulate_many([model], self.points.take(np.unique(self.row)))[0]
+
+    def simulate(self, models: Sequence[Model], near: Result | None = None) -> list[Array]:
+        """Prediction of every reading by each model, in one call; rows without readings are left out.
+
+        ``near`` is a :meth:`reference` of these very readings.
+        """
         used, row = np.unique(self.row, return_inverse=True)
-        results = simulate_many(models, self.points.take(used))
+        results = simulate_many(models, self.points.take(used), near)
         return [self.predicted(result, row) for result in results]
 
 

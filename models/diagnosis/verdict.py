@@ -13,6 +13,7 @@ from models.diagnosis.covariance import Whitener
 from models.diagnosis.evidence import Fit, Hypothesis
 
 SURE = 0.95
+_UNEXPLAINED = 4.0  # chi-squared per reading: noise that is understated by half leaves 2.3
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
 
 
@@ -77,8 +78,12 @@ def _tie_group(causes: list[Cause], whitener: Whitener) -> tuple[str, ...]:
     return tuple(group)
 
 
-def judge(hypotheses: list[Hypothesis], whitener: Whitener) -> Verdict:
-    """The verdict of a posterior."""
+def judge(hypotheses: list[Hypothesis], whitener: Whitener, misfit: float = 1.0) -> Verdict:
+    """The verdict of a posterior.
+
+    ``misfit`` is the chi-squared per reading that the most probable fit leaves without a leftover; far above one,
+    nothing that was tried explains the data, and no name is given.
+    """
     nothing = sum(h.probability for h in hypotheses if h.fit.signature is None and h.leftover_W == 0.0)
     nameless = sum(h.probability for h in hypotheses if h.fit.signature is None and h.leftover_W > 0.0)
     leftover = sum(h.probability for h in hypotheses if h.leftover_W > 0.0)
@@ -92,6 +97,8 @@ def judge(hypotheses: list[Hypothesis], whitener: Whitener) -> Verdict:
     elif nothing >= 1 - SURE and nothing >= nameless:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
+        kind = "unknown"
+    if kind in ("named", "group") and misfit > _UNEXPLAINED:
         kind = "unknown"
     tied = group if kind == "group" else ()
     shown = [

@@ -78,7 +78,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="skin_effect",
         stage="circuit",
-        parameters=_parameter("extra_at_fs", "1", 0.04, 0.5, (-0.1, 5.0)),
+        parameters=_parameter("extra_at_fs", "1", 0.04, 0.5, (-0.03, 5.0)),
         paths=("inductor.winding.ac_extra", "transformer.winding.ac_extra"),
         change=_added,
         says=(

@@ -24,7 +24,7 @@ def truth() -> Model:
 
 @pytest.fixture(scope="module")
 def calibrated(truth: Model) -> CalibratedPhysics:
-    return diagnose(load_measurements(simulated_campaign(truth, seed=4))).calibrated
+    return diagnose(load_measurements(simulated_campaign(truth, seed=4, count=40))).calibrated
 
 
 def test_calibration_takes_a_spread_up(truth: Model, calibrated: CalibratedPhysics) -> None:

@@ -1,4 +1,4 @@
-"""The diagnosis as a whole: what it refuses, what it says, and that it names nothing where nothing is."""
+"""The diagnosis as a whole: what it refuses, and what it says."""
 
 import json
 
@@ -18,7 +18,7 @@ EFFICIENCY_ONLY = ["D1", "D2", "P2_W", "efficiency"]
 def named() -> Diagnosis:
     """The diagnosis of a noise-free campaign of the simulator with one effect."""
     model = Model.baseline().with_effect("link_resistance", resistance_Ohm=RESISTANCE_Ohm)
-    return diagnose(load_measurements(simulated_campaign(model, seed=2)))
+    return diagnose(load_measurements(simulated_campaign(model, seed=2, count=40)))
 
 
 @pytest.fixture(scope="module")
@@ -110,13 +110,3 @@ def test_what_is_left_out_of_the_catalogue_cannot_be_a_cause() -> None:
     frame = simulated_campaign(model, seed=2, count=24)[EFFICIENCY_ONLY]
     diagnosis = diagnose(load_measurements(frame), without=["auxiliary_power"])
     assert "auxiliary_power" not in [cause.effect for cause in diagnosis.verdict.causes]
-
-
-# --- nothing hidden -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", [21, 22, 23])
-def test_a_lab_that_hides_nothing_is_consistent(seed: int) -> None:
-    diagnosis = diagnose(lab_campaign({}, seed=seed))
-    assert diagnosis.verdict.kind == "consistent"
-    assert diagnosis.extended == diagnosis.baseline

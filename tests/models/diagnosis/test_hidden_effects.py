@@ -21,7 +21,7 @@ WITHOUT_LOSS = {"gate_delay_skew", "ambient_drift"}  # seen in D0, or in tempera
 @pytest.fixture(scope="module", params=HIDDEN)
 def hidden(request: pytest.FixtureRequest) -> tuple[str, Diagnosis]:
     """The name of what the seed hid, and the diagnosis of its campaign."""
-    return request.param, diagnose(lab_campaign({request.param: None}, seed=SEED, count=40))
+    return request.param, diagnose(lab_campaign({request.param: None}, seed=SEED, count=32))
 
 
 def test_it_is_the_first_cause_or_in_the_group(hidden: tuple[str, Diagnosis]) -> None:
