@@ -30,6 +30,8 @@ _CONSISTENT, _LEFTOVER = 0.5, 0.2  # prior probabilities
 _LEADING = 8  # candidates that are followed to the end
 _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
 _ROUNDS = 5
+_SIGNIFICANT = 3.0  # standard deviations
+_REACH = 3.0  # prior scales that a line is trusted over
 _BENT = 4.0  # squared sigmas between a line and the simulation from which more starts are tried
 _FAR = (-1.0, -0.4, 0.4, 1.0)  # of the prior scale: where they are
 _STILL = 0.05  # of the value's standard deviation
@@ -84,7 +86,7 @@ def _screened(signature: Signature, own: Array, residual: Array, whitener: White
     weighted = under.solve(signature.slope)
     d2, b = float(signature.slope @ weighted), float(weighted @ residual)
     precision = d2 + 1 / head.prior**2
-    value = _within(head, head.off + float(np.clip(b / precision, -head.prior, head.prior)))
+    value = _within(head, head.off + float(np.clip(b / precision, -_REACH * head.prior, _REACH * head.prior)))
     changed = log_likelihood(residual, under) - log_likelihood(residual, whitener) if own.size else 0.0
     return Fit(
         signature=signature,
@@ -187,6 +189,14 @@ def _hopeless(best: float) -> float:
     return best - max(_BEHIND, 0.3 * abs(best))
 
 
+def _significant(fit: Fit) -> bool:
+    """Whether the value is off by more than its own uncertainty could be, everyday spread included."""
+    if fit.signature is None:
+        return False
+    head = fit.signature.entry.headline
+    return abs(fit.value - head.off) > _SIGNIFICANT * float(np.hypot(fit.sigma, head.tolerance))
+
+
 def _beside(fit: Fit) -> float:
     """A step of the value for its slope; 0 where the effect has none or is not smooth."""
     if fit.signature is None or fit.signature.entry.threshold:
@@ -262,7 +272,11 @@ def fitted(refinery: Refinery) -> tuple[Fit, list[Fit]]:
     once = _best_starts([_laplace(fit, residual, whitener)[0] for fit in tried])
     behind = _hopeless(once[0].log_evidence)
     bent = {start.effect for start in starts}
-    near = {fit.effect for fit in once[:_LEADING] if fit.log_evidence > behind}
+    near = {
+        fit.effect
+        for k, fit in enumerate(once)
+        if fit.log_evidence > behind and (k < _LEADING or _significant(fit))
+    }
     leading = [fit for fit in once if fit.effect in near | bent]
     rest = [fit for fit in once if fit.effect not in near | bent]
     return nothing, sorted([*refinery.followed(leading), *rest], key=lambda f: -f.log_evidence)

@@ -21,6 +21,8 @@ _VOLTAGE_GAIN = 5e-4 / _ROOT_3  # of a dc voltage: 0.05 % of reading, uniform
 _P2_NOISE = 1e-4  # of reading, one averaged reading
 _COLLINEAR = 0.9999
 _SILENT = 1e-3  # over all readings, in their units: above the solver's tolerance, below every noise
+_APART = 0.03  # of the power: steps over which D0 has to be nearly straight
+_FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
 _STEP = (
     0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
@@ -155,7 +157,8 @@ def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bo
 def _inputs(observations: Observations, baseline: Model, base: Array) -> tuple[tuple[Array, Array], Array]:
     """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2.
 
-    The noise of P2 is already in the replicates of the input power, which follows it; there it is zero.
+    The noise of P2 is already in the replicates of the input power, which follows it; there it is zero. It is NaN
+    for a D0 that bends sharply over power: where two edges pass each other at light load D0 jumps for little.
     """
     used, row = np.unique(observations.row, return_inverse=True)
     p = observations.points.take(used)
@@ -163,11 +166,15 @@ def _inputs(observations: Observations, baseline: Model, base: Array) -> tuple[t
         replace(p, V1_V=p.V1_V * (1 + _VOLTAGE_GAIN)),
         replace(p, V2_V=p.V2_V * (1 + _VOLTAGE_GAIN)),
         replace(p, power_W=p.power_W * (1 + _P2_NOISE)),
+        replace(p, power_W=p.power_W * (1 + _APART)),
+        replace(p, power_W=p.power_W * (1 - _APART)),
     ]
     result = simulate(baseline, Points.join(moved))
-    V1, V2, P2 = (observations.predicted(result, row + k * used.size) - base for k in range(3))
+    V1, V2, P2, more, less = (observations.predicted(result, row + k * used.size) - base for k in range(5))
+    folded = observations.of("D0") & ~(np.abs(more + less) < _FOLD)
+    P2 = np.where(folded, np.nan, P2)
     follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
-    return (V1, V2), np.where(follows, 0.0, np.abs(P2))
+    return (V1, V2), np.where(follows & ~folded, 0.0, np.abs(P2))
 
 
 def _instrument_spreads(observations: Observations, converter: Converter) -> tuple[list[str], Array]:

@@ -51,8 +51,8 @@ class LinearBench:
     value: Array
     effects: Sequence[Signature] = field(default_factory=tuple)
 
-    def simulate(self, models: Sequence[Model]) -> list[Array]:
-        """Prediction of every reading by each model."""
+    def simulate(self, models: Sequence[Model], near: object = None) -> list[Array]:
+        """Prediction of every reading by each model; a line needs no start to go from."""
         return [self._predicted(model) for model in models]
 
     def _predicted(self, model: Model) -> Array:

@@ -15,13 +15,13 @@ ALONG, ACROSS = np.array([30.0, 0.0, 0.0, 0.0]), np.array([0.0, 40.0, 0.0, 0.0])
 Entry = tuple[str | None, np.ndarray, float, float]
 
 
-def judged(*entries: Entry) -> Verdict:
+def judged(*entries: Entry, misfit: float = 1.0) -> Verdict:
     """The verdict over (effect or None, shift, leftover in W, probability), in any order."""
     hypotheses = [
         Hypothesis(fit=fit_of(effect, shift), leftover_W=leftover, probability=probability)
         for effect, shift, leftover, probability in entries
     ]
-    return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER)
+    return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER, misfit)
 
 
 def test_identical_shifts_cannot_be_told_apart() -> None:
@@ -80,3 +80,9 @@ def test_a_leftover_without_a_cause_is_unknown() -> None:
     verdict = judged((None, 0 * ALONG, 5.0, 0.9), ("link_resistance", ALONG, 5.0, 0.1))
     assert verdict.kind == "unknown"
     assert verdict.unknown_probability == pytest.approx(1.0)
+
+
+def test_a_name_that_leaves_the_data_unexplained_is_not_given() -> None:
+    entries = (("link_resistance", ALONG, 0.0, 0.97), (None, 0 * ALONG, 0.0, 0.03))
+    assert judged(*entries, misfit=2.0).kind == "named"  # noise understated by a third: still a name
+    assert judged(*entries, misfit=9.0).kind == "unknown"
