@@ -34,7 +34,7 @@ def perform(
     ``work`` must be a function of a module, for it runs in processes that are started afresh.
     """
     kept = journal.read()
-    waiting = [trial for trial in trials ]
+    waiting = [trial for trial in trials if trial.key not in kept]
     countdown = Countdown(len(trials), settings, before=len(trials) - len(waiting))
     finished = _here if settings.processes == 1 else _spread(settings.processes)
     for trial, record in finished(work, waiting):
