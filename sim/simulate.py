@@ -41,7 +41,8 @@ _COLUMNS = (
 class Result:
     """What the model says of N points: flags, reasons, and columns of shape (N,), NaN where infeasible.
 
-    ``seed`` is what variants of the model start from. In standby (``pwm`` false) the input takes nothing, and the bridge's columns are NaN.
+    ``seed`` is what variants of the model start from. In standby (``pwm`` false) the input takes nothing, and the
+    bridge's columns are NaN.
     """
 
     points: Points
