@@ -171,17 +171,29 @@ class Refinery:
         return moved
 
     def followed(self, fits: list[Fit]) -> list[Fit]:
-        """Gauss-Newton until all stand still; what falls far behind is left where it is."""
-        given_up: list[Fit] = []
+        """Gauss-Newton until all stand still, each from its best state; what falls far behind is left there.
+
+        A step that loses evidence is halved from the best state seen: where edges pass each other the simulation
+        is not smooth.
+        """
+        best: dict[str, Fit] = {}
         for turn in range(_ROUNDS):
-            pairs = [_laplace(fit, self.residual, self.whitener) for fit in self.simulated(fits, slopes=True)]
-            still = all(abs(step) <= _STILL * fit.sigma for fit, step in pairs)
-            if still:
-                return [*(fit for fit, _ in pairs), *given_up]
-            least = _hopeless(max(fit.log_evidence for fit, _ in pairs)) if turn else -np.inf
-            given_up += [fit for fit, _ in pairs if fit.log_evidence < least]
-            fits = [_moved(fit, step) for fit, step in pairs if fit.log_evidence >= least]
-        return [*fits, *given_up]
+            ahead = []
+            for fit, step in (
+                _laplace(f, self.residual, self.whitener) for f in self.simulated(fits, slopes=True)
+            ):
+                known = best.get(fit.effect)
+                if known is not None and fit.log_evidence < known.log_evidence:
+                    ahead.append(_moved(known, 0.5 * (fit.value - known.value)))
+                    continue
+                best[fit.effect] = fit
+                if abs(step) > _STILL * fit.sigma:
+                    ahead.append(_moved(fit, step))
+            least = _hopeless(max(fit.log_evidence for fit in best.values())) if turn else -np.inf
+            fits = [fit for fit in ahead if best[fit.effect].log_evidence >= least]
+            if not fits:
+                break
+        return list(best.values())
 
 
 def _hopeless(best: float) -> float:
