@@ -34,6 +34,7 @@ _SIGNIFICANT = 3.0  # standard deviations
 _REACH = 3.0  # prior scales that a line is trusted over
 _BENT = 4.0  # squared sigmas between a line and the simulation from which more starts are tried
 _FAR = (-1.0, -0.4, 0.4, 1.0)  # of the prior scale: where they are
+_GAINED = 0.3  # in log evidence
 _STILL = 0.05  # of the value's standard deviation
 _WITHIN = 3.0  # sigmas that a spread may take
 
@@ -187,7 +188,10 @@ class Refinery:
                     ahead.append(_moved(known, 0.5 * (fit.value - known.value)))
                     continue
                 best[fit.effect] = fit
-                if abs(step) > _STILL * fit.sigma:
+                gained = np.inf if known is None else fit.log_evidence - known.log_evidence
+                if (
+                    abs(step) > _STILL * fit.sigma or gained > _GAINED
+                ):  # the spreads settle too, even of nothing
                     ahead.append(_moved(fit, step))
             least = _hopeless(max(fit.log_evidence for fit in best.values())) if turn else -np.inf
             fits = [fit for fit in ahead if best[fit.effect].log_evidence >= least]
