@@ -167,7 +167,7 @@ class Bench:
             self._unload()
             return applied
         self._draw(row.power_W)
-        return self._of.controller.set_modulation(row.D1, row.D2)
+        return self._modulate(row)
 
     def power_off(self) -> PowerOffReport:
         """PWM, load, supply; each seen off. Never raises for a part that fails."""
@@ -192,6 +192,10 @@ class Bench:
                 f"set point D1 = {row.D1:g}, D2 = {row.D2:g}, {row.power_W:g} W is outside the limits: "
                 f"D1 and D2 from 0 to 1, power from 0 to {limit_W:g} W"
             )
+
+    def _modulate(self, row: PlannedPoint) -> Applied:
+        """The modulation of a row, with its power already drawn."""
+        return self._of.controller.set_modulation(row.D1, row.D2)
 
     def _unload(self) -> None:
         self._of.load.off()

@@ -97,7 +97,7 @@ def run(
     job = Job.prepare(read_campaign(campaign_file), config, file=str(campaign_file))
     stamp(config.virtual)
     out.print(escape(job.plan.said()))
-    with Store(database_url(db, config.database)) as store, _stop_on_signals():
+    with Store(database_url(db, config.database)) as store, stop_on_signals():
         with live() as progress:
             outcome = run_campaign(job, store, WallClock(config.speed), progress=progress)
         _report(outcome, store)
@@ -130,7 +130,7 @@ def on_signals(act: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def _stop_on_signals() -> Iterator[None]:
+def stop_on_signals() -> Iterator[None]:
     """The first signal ends the campaign, which powers off; later ones change nothing."""
     stopping = threading.Event()
 
