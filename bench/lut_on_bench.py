@@ -5,18 +5,19 @@ each two, and the controller chooses D1 and D2 by itself; what it chose is compa
 analyzer shows with what was predicted.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 
-from bench.campaign import Job
+from bench.campaign import Surroundings
 from bench.config import BenchConfig, CampaignConfig, check
 from bench.connect import Inspection, Instruments, open_instruments
 from bench.instruments import Bench
+from bench.job import Job
 from bench.plan import PlannedPoint
 from bench.prediction import SimulatedConverter
 from drivers.clock import Clock
@@ -82,17 +83,15 @@ class TableBench(Bench):
         return Applied(D1=told.D1, D2=told.D2, mode="hybrid")
 
 
-def open_table_bench(
-    rows: tuple[TableRow, ...],
-) -> Callable[[BenchConfig, Clock], AbstractContextManager[Bench]]:
-    """In the place of ``open_bench``: the same bench with a controller that follows ``rows``."""
+def following(rows: tuple[TableRow, ...]) -> Surroundings:
+    """The same bench as always, with a controller that follows ``rows``."""
 
     @contextmanager
     def open_(config: BenchConfig, clock: Clock) -> Iterator[Bench]:
         with open_instruments(config, clock) as (instruments, inspection):
             yield TableBench(config, instruments, clock, inspection, rows)
 
-    return open_
+    return Surroundings(connect=open_)
 
 
 def verification(table: pd.DataFrame, config: BenchConfig, *, name: str) -> Job:

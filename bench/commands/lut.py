@@ -18,7 +18,7 @@ from bench.commands.streams import err, out, stamp
 from bench.config import read_bench
 from bench.errors import BenchError, InputError
 from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_lut
-from bench.lut_on_bench import load_into_controller, open_table_bench, table_rows, verification, verified
+from bench.lut_on_bench import following, load_into_controller, table_rows, verification, verified
 from bench.optimum import BestModulation
 from bench.prediction import model_from
 from bench.store import Store, database_url
@@ -147,8 +147,8 @@ def verify(
     job = verification(table, config, name=f"verify {file.name}")
     with Store(database_url(db, config.database)) as store, stop_on_signals():
         with live() as progress:
-            connect = open_table_bench(table_rows(table))
-            outcome = run_campaign(job, store, WallClock(config.speed), progress=progress, connect=connect)
+            around = following(table_rows(table))
+            outcome = run_campaign(job, store, WallClock(config.speed), progress=progress, around=around)
         measured = store.measurement_table(outcome.campaign_id)
     result = verified(table, measured, edge_gap_of(model_from(config.converter.model)))
     if out_file is not None:

@@ -42,9 +42,13 @@ def in_cells(D1: Floats, D2: Floats, value: Floats) -> tuple[Floats, Floats, Flo
     """Mean place and value per occupied cell, and how many points it holds: arrays (M,), M ≤ CELLS²."""
     known = np.isfinite(value)
     D1, D2, value = D1[known], D2[known], value[known]
-    cell = np.minimum((D1 * CELLS).astype(int), CELLS - 1) * CELLS + np.minimum((D2 * CELLS).astype(int), CELLS - 1)
+    cell = np.minimum((D1 * CELLS).astype(int), CELLS - 1) * CELLS + np.minimum(
+        (D2 * CELLS).astype(int), CELLS - 1
+    )
     _, member, count = np.unique(cell, return_inverse=True, return_counts=True)
-    mean = [np.bincount(member, weights=x, minlength=len(count)) / np.maximum(count, 1) for x in (D1, D2, value)]
+    mean = [
+        np.bincount(member, weights=x, minlength=len(count)) / np.maximum(count, 1) for x in (D1, D2, value)
+    ]
     return mean[0], mean[1], mean[2], count.astype(np.float64)
 
 
@@ -88,7 +92,12 @@ def _map(cells: tuple[Floats, Floats, Floats, Floats], colours: Mapping[str, Any
             "color": value.round(4).tolist(),
             "size": size,
             "line": {"width": 0.6, "color": "rgba(120,130,140,.7)"},
-            "colorbar": {"title": {"text": unit, "side": "top"}, "thickness": 10, "outlinewidth": 0, "len": 1.0},
+            "colorbar": {
+                "title": {"text": unit, "side": "top"},
+                "thickness": 10,
+                "outlinewidth": 0,
+                "len": 1.0,
+            },
             **colours,
         },
         "customdata": count.astype(int).tolist(),
@@ -105,7 +114,9 @@ def _map(cells: tuple[Floats, Floats, Floats, Floats], colours: Mapping[str, Any
 def difference_over_power(rows: Sequence[Row]) -> Figure:
     """Measured less simulated efficiency of the last points over output power, with the reading's own 95 %."""
     shown = loaded(rows)[-MOST:]
-    power, measured, simulated, u = columns(shown, "P2_W", "efficiency", "predicted_efficiency", "u_efficiency")
+    power, measured, simulated, u = columns(
+        shown, "P2_W", "efficiency", "predicted_efficiency", "u_efficiency"
+    )
     known = np.isfinite(power) & np.isfinite(measured - simulated)
     value = (100 * (measured - simulated))[known]
     trace = {
@@ -147,13 +158,20 @@ def optimum(table: Sequence[Mapping[str, float | None]]) -> dict[str, Figure]:
         curve = [
             edge | {"y": _per_cent(low), "showlegend": False},
             edge
-            | {"y": _per_cent(high), "fill": "tonexty", "fillcolor": "rgba(0,158,115,.18)", "name": "95 % interval"},
+            | {
+                "y": _per_cent(high),
+                "fill": "tonexty",
+                "fillcolor": "rgba(0,158,115,.18)",
+                "name": "95 % interval",
+            },
             *curve,
         ]
     x = _axis("output power (W)")
     legend = {"legend": {"orientation": "h", "y": 1.12, "x": 0}, "showlegend": True}
     return {
-        "modulation": figure(duties, {"xaxis": x, "yaxis": _axis("D1, D2 (half periods)", range=[-0.03, 1.05])}, legend),
+        "modulation": figure(
+            duties, {"xaxis": x, "yaxis": _axis("D1, D2 (half periods)", range=[-0.03, 1.05])}, legend
+        ),
         "efficiency": figure(curve, {"xaxis": x, "yaxis": _axis("efficiency (%)")}, legend),
     }
 
@@ -211,7 +229,9 @@ def _axis(title: str, **more: Any) -> dict[str, Any]:
     return {"title": {"text": title, "standoff": 8}, "automargin": True, "showline": True, **zero, **more}
 
 
-def figure(data: list[dict[str, Any]], axes: Mapping[str, Any], more: Mapping[str, Any] | None = None) -> Figure:
+def figure(
+    data: list[dict[str, Any]], axes: Mapping[str, Any], more: Mapping[str, Any] | None = None
+) -> Figure:
     """A figure without colours of its own for page and text."""
     layout = {
         "margin": {"l": 8, "r": 8, "t": 8, "b": 8},

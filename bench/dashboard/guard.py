@@ -134,7 +134,9 @@ class Guard:
             await self._app(scope, receive, send)
             return
         websocket = scope["type"] == "websocket"
-        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        headers = {
+            name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]
+        }
         asked = Asked(
             method="GET" if websocket else scope["method"],
             path=scope["path"],

@@ -100,8 +100,12 @@ def banner(overview: Overview) -> Banner:
     if not overview.benches:
         if overview.problem:
             return Banner(level="unknown", title="Nothing is known", said=overview.problem)
-        return Banner(level="unknown", title="No bench yet", said="Nothing has ever been switched on from here.")
-    return min((_banner_of(bench, overview) for bench in overview.benches), key=lambda b: LEVELS.index(b.level))
+        return Banner(
+            level="unknown", title="No bench yet", said="Nothing has ever been switched on from here."
+        )
+    return min(
+        (_banner_of(bench, overview) for bench in overview.benches), key=lambda b: LEVELS.index(b.level)
+    )
 
 
 def _banner_of(bench: BenchRow, overview: Overview) -> Banner:
@@ -132,7 +136,9 @@ def _running(bench: BenchRow, row: Row | None) -> Banner:
     state = str(row["shown"]) if row else "running"
     said = f"campaign {row['id']}, {row['name']}" if row else "a campaign has it"
     if state == "paused":
-        return Banner(level="paused", title=f"Paused: {bench.name}", said=f"{said}; the bench is off and waits")
+        return Banner(
+            level="paused", title=f"Paused: {bench.name}", said=f"{said}; the bench is off and waits"
+        )
     if state == "waiting":
         return Banner(level="waiting", title=f"Waiting: {bench.name}", said=f"{said} waits for its time")
     title = "Checking" if state == "checking" else "Running"
@@ -202,7 +208,9 @@ def gap(rows: Sequence[Row]) -> GapView:
     """How far the simulation is off on the accepted rows; agreement is judged at two standard errors."""
     known = [(m, s) for m, s in map(_efficiencies, rows) if m is not None and s is not None]
     if not known:
-        return GapView(mean="–", uncertainty="", measured="–", simulated="–", last="–", points=0, level="nothing")
+        return GapView(
+            mean="–", uncertainty="", measured="–", simulated="–", last="–", points=0, level="nothing"
+        )
     residuals = [measured - simulated for measured, simulated in known]
     mean, (measured, simulated) = fmean(residuals), known[-1]
     error = stdev(residuals) / math.sqrt(len(residuals)) if len(residuals) > 1 else math.nan
@@ -302,7 +310,9 @@ def _link(
     moment, since_s = seen
     readings = moment.readings if moment else {}
     values = [(column, readings.get(column)) for column in SHOWN_OF.get(name, ())]
-    said = ", ".join(f"{value:.4g} {unit_of(column)}".strip() for column, value in values if value is not None)
+    said = ", ".join(
+        f"{value:.4g} {unit_of(column)}".strip() for column, value in values if value is not None
+    )
     quality = report.quality if report else 1.0
     age_s = report.age_s + since_s if report and report.age_s is not None else None
     return LinkView(
