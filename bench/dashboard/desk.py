@@ -17,7 +17,13 @@ from models.registry import Registry
 
 LOOK_S = 0.25  # between two looks at the database
 SHOW_S = 0.25  # between two looks of a page at what was read
-PAGES = {"/": "Bench", "/campaigns": "Campaigns", "/diagnosis": "Diagnosis", "/models": "Models", "/optimum": "Optimum"}
+PAGES = {
+    "/": "Bench",
+    "/campaigns": "Campaigns",
+    "/diagnosis": "Diagnosis",
+    "/models": "Models",
+    "/optimum": "Optimum",
+}
 VIRTUAL = (
     '<div class="virtual" role="note"><strong>VIRTUAL LAB</strong> mock instruments, simulated converter: nothing '
     "here was measured on hardware</div>"
@@ -128,5 +134,3 @@ def frame(desk: Desk, path: str) -> Iterator[Callable[[Callable[[], None]], None
             ui.timer(SHOW_S, both)
 
         yield live
-
-

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 from statistics import fmean, median, stdev
 from typing import Any
 
@@ -121,7 +122,7 @@ def _banner_of(bench: BenchRow, overview: Overview) -> Banner:
         return Banner(
             level="unconfirmed",
             title=f"Not seen off: {bench.name}",
-            said="the campaign that had switched it on is gone; the controller trips by itself when its beats stay away",
+            said="the campaign that switched it on is gone; its controller trips by itself when beats stay away",
             todo="See that it is off. d2ea resume switches it off and goes on; d2ea clear when you have seen it off",
         )
     if bench.state is BenchState.ON or (row is not None and row["is_live"]):
@@ -173,7 +174,7 @@ def progress(feed: Feed, now: datetime) -> ProgressView:
 def _left(feed: Feed) -> str:
     """Time left in words, from the pace of the last rows."""
     times = [datetime.fromisoformat(item["judged"]) for item in feed.rows[-RECENT:]]
-    steps = [(b - a).total_seconds() for a, b in zip(times, times[1:], strict=False)]
+    steps = [(b - a).total_seconds() for a, b in pairwise(times)]
     if not steps:
         return ""
     return f"about {duration(median(steps) * (feed.campaign['planned'] - len(feed.rows)))} left"

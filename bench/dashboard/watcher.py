@@ -94,14 +94,14 @@ class Watcher:
         now_s = self.now_s()
         if now_s - self._listed_s >= LIST_S:
             self._listed_s = now_s
-            fresh = {
-                "campaigns": self.store.campaigns(),
-                "benches": self.store.benches.all(),
-                "queue": self.store.queue.all(),
-                "problem": None,
-            }
-            if any(getattr(self.overview, name) != value for name, value in fresh.items()):
-                self.overview = Overview(**fresh, version=self.overview.version + 1)
+            fresh = Overview(
+                campaigns=self.store.campaigns(),
+                benches=self.store.benches.all(),
+                queue=self.store.queue.all(),
+                version=self.overview.version,
+            )
+            if fresh != self.overview:
+                self.overview = replace(fresh, version=fresh.version + 1)
         with self._lock:
             kept = dict(self._feeds)
         for campaign_id, item in kept.items():
