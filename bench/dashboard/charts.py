@@ -30,12 +30,16 @@ def columns(rows: Sequence[Row], *names: str) -> list[Floats]:
     return [np.array([np.nan if row[n] is None else row[n] for row in rows], dtype=np.float64) for n in names]
 
 
-def loaded(rows: Sequence[Row], band: str = "all loads") -> list[Row]:
-    """Accepted rows that carry power, in a band of load (shares of the largest power set)."""
-    kept = [r for r in rows if r["state"] in ("accepted", "planned") and r["kind"] in LOADED and r["P_set_W"]]
-    low, high = BANDS[band]
-    top = max((row["P_set_W"] for row in kept), default=1.0)
-    return [row for row in kept if low * top <= row["P_set_W"] < high * top or (high == np.inf and low == 0)]
+def loaded(rows: Sequence[Row], band: str, top_W: float) -> list[Row]:
+    """Rows that carry power and were not rejected, in a band of load: shares of the campaign's largest, ``top_W``."""
+    low, high = (share * top_W for share in BANDS[band])
+    kept = [row for row in rows if row.get("state") != "rejected" and row["kind"] in LOADED]
+    return [row for row in kept if low <= (row["P_set_W"] or row.get("P2_W") or 0.0) < high]
+
+
+def largest_W(planned: Sequence[Row]) -> float:
+    """The largest power of a campaign's set points; 1 W where there is none."""
+    return max((row["P_set_W"] or 0.0 for row in planned), default=0.0) or 1.0
 
 
 def in_cells(D1: Floats, D2: Floats, value: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -64,7 +68,8 @@ def colour_range(measured: Floats, simulated: Floats) -> tuple[float, float]:
 
 def maps(rows: Sequence[Row], planned: Sequence[Row], band: str = "all loads") -> dict[str, Figure]:
     """Efficiency over (D1, D2): measured, simulated (planned points too), and their difference."""
-    shown, ahead = loaded(rows, band), loaded(planned, band)
+    top_W = largest_W(planned)
+    shown, ahead = loaded(rows, band, top_W), loaded(planned, band, top_W)
     D1, D2, measured, simulated = columns(shown, "D1", "D2", "efficiency", "predicted_efficiency")
     ahead_D1, ahead_D2, predicted = columns(ahead, "D1", "D2", "predicted_efficiency")
     low, high = colour_range(measured, predicted)
@@ -73,14 +78,21 @@ def maps(rows: Sequence[Row], planned: Sequence[Row], band: str = "all loads") -
     spread = float(np.quantile(known, 0.98)) if len(known) else 1.0
     efficiency = {"colorscale": "Cividis", "cmin": low, "cmax": high}
     diverging = {"colorscale": DIFFERENCE, "cmin": -max(spread, 1e-3), "cmax": max(spread, 1e-3)}
+    everything = columns([row for row in planned if row["kind"] in LOADED], "D1", "D2")
+    box = _box(everything[0], everything[1])
     return {
-        "measured": _map(in_cells(D1, D2, 100 * measured), efficiency, "%"),
-        "simulated": _map(in_cells(ahead_D1, ahead_D2, 100 * predicted), efficiency, "%"),
-        "difference": _map(in_cells(D1, D2, difference), diverging, "points"),
+        "measured": _map(in_cells(D1, D2, 100 * measured), efficiency, "%", box),
+        "simulated": _map(in_cells(ahead_D1, ahead_D2, 100 * predicted), efficiency, "%", box),
+        "difference": _map(in_cells(D1, D2, difference), diverging, "points", box),
     }
 
 
-def _map(cells: tuple[Floats, Floats, Floats, Floats], colours: Mapping[str, Any], unit: str) -> Figure:
+Box = tuple[list[float], list[float]]
+
+
+def _map(
+    cells: tuple[Floats, Floats, Floats, Floats], colours: Mapping[str, Any], unit: str, box: Box
+) -> Figure:
     D1, D2, value, count = cells
     size = 11 if len(value) < 150 else 8
     trace = {
@@ -105,15 +117,22 @@ def _map(cells: tuple[Floats, Floats, Floats, Floats], colours: Mapping[str, Any
         "mean of %{customdata}<extra></extra>",
     }
     axes = {
-        "xaxis": _axis("D1 (half periods)", range=[-0.03, 1.03]),
-        "yaxis": _axis("D2 (half periods)", range=[-0.03, 1.03]),
+        "xaxis": _axis("D1 (half periods)", range=box[0]),
+        "yaxis": _axis("D2 (half periods)", range=box[1]),
     }
     return figure([trace], axes)
 
 
-def difference_over_power(rows: Sequence[Row]) -> Figure:
+def _box(D1: Floats, D2: Floats) -> Box:
+    """Ranges of D1 and D2 that hold all points of a campaign, with some air."""
+    if not len(D1):
+        return [-0.03, 1.03], [-0.03, 1.03]
+    return [float(D1.min()) - 0.05, float(D1.max()) + 0.05], [float(D2.min()) - 0.05, float(D2.max()) + 0.05]
+
+
+def difference_over_power(rows: Sequence[Row], planned: Sequence[Row], band: str = "all loads") -> Figure:
     """Measured less simulated efficiency of the last points over output power, with the reading's own 95 %."""
-    shown = loaded(rows)[-MOST:]
+    shown = loaded(rows, band, largest_W(planned))[-MOST:]
     power, measured, simulated, u = columns(
         shown, "P2_W", "efficiency", "predicted_efficiency", "u_efficiency"
     )

@@ -102,6 +102,7 @@ def frame(desk: Desk, path: str) -> Iterator[Callable[[Callable[[], None]], None
     ``live(refresh)`` calls ``refresh`` at once and whenever it is time to look again.
     """
     ui.add_css(css())
+    ui.colors(primary="#0072b2")
     links = "".join(
         f'<a href="{to}"{" aria-current=page" if to == path else ""}>{name}</a>' for to, name in PAGES.items()
     )

@@ -80,7 +80,9 @@ class BenchPage:
         with ui.element("div").classes("controls") as self._row:
             for request in Request:
                 style = "abort" if request is Request.ABORT else "pause"
-                button = ui.button(request.capitalize(), on_click=lambda r=request: self._confirm(r))
+                button = ui.button(
+                    request.capitalize(), color=None, on_click=lambda r=request: self._confirm(r)
+                )
                 self._buttons[request] = button.classes(style).props("unelevated no-caps")
         self._row.set_visibility(False)
 
@@ -94,9 +96,11 @@ class BenchPage:
             ui.html("", sanitize=False).set_content(f"<h2>{request.capitalize()} campaign {number}?</h2>")
             ui.label(f"{name}: {CONSEQUENCE[request]}")
             with ui.element("div").classes("controls"):
-                ui.button("Leave it as it is", on_click=lambda: dialog.submit(False)).classes("pause")
+                ui.button("Leave it as it is", color=None, on_click=lambda: dialog.submit(False)).classes(
+                    "pause"
+                )
                 style = "sure" if request is Request.ABORT else "pause"
-                ui.button(f"Yes, {request}", on_click=lambda: dialog.submit(True)).classes(style)
+                ui.button(f"Yes, {request}", color=None, on_click=lambda: dialog.submit(True)).classes(style)
         if await dialog:
             await self._desk.ask(number, request)
         dialog.delete()
@@ -125,11 +129,11 @@ class BenchPage:
         self._seen = seen
         self._gap.show(view.gap(feed.rows))
         self._limits.show(view.limits(feed.campaign, moment), feed.moment.faults if feed.moment else ())
-        self._events.show([view.event_text(event) for event in reversed(feed.events)])
+        self._events.show(view.happened(feed))
         self._show_verdict(feed)
         for name, figure in charts.maps(feed.rows, feed.planned, self._band).items():
             self._maps[name].show(figure)
-        self._difference.show(charts.difference_over_power(charts.loaded(feed.rows, self._band)))
+        self._difference.show(charts.difference_over_power(feed.rows, feed.planned, self._band))
 
     def _show_controls(self, feed: Feed) -> None:
         row = feed.campaign
@@ -168,7 +172,9 @@ def _campaigns(desk: Desk) -> None:
         with ui.element("div").classes("pickers"):
             first = ui.select({}, label="Compare").props("outlined dense options-dense")
             second = ui.select({}, label="with").props("outlined dense options-dense")
-            ui.button("Compare", on_click=lambda: show()).classes("pause").props("unelevated no-caps")
+            ui.button("Compare", color=None, on_click=lambda: show()).classes("pause").props(
+                "unelevated no-caps"
+            )
         comparison = Panel("comparison")
         with ui.element("div") as picture:
             chart = Chart("Efficiency of the second less the first, at common set points")

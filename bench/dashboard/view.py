@@ -1,19 +1,18 @@
 """What is seen, as plain values made of what is stored: pure functions, and no word about how it looks."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
 from statistics import fmean, median, stdev
-from typing import Any
 
 from bench.dashboard.watcher import Feed, Overview
 from bench.store import BenchRow, BenchState, LinkReport, Row, SeenMoment
 from bench.wording import counted, duration, per_cent, points_text, unit_of
 
 STALE_S = 15.0  # real seconds without news from a campaign that runs
-NEAR = 0.85  # of a limit: worth a second look
+NEAR = 0.95  # of a limit: worth a second look
 RECENT = 30  # judged rows that tell how fast it goes
 LOADED = frozenset({"load", "reference"})
 PHASES = ("setting", "settling", "measuring")
@@ -350,9 +349,26 @@ def clock(stamp: str | None) -> str:
     return f"{local:%H:%M:%S}" if local.date() == today else f"{local:%Y-%m-%d %H:%M}"
 
 
-def event_text(event: Mapping[str, Any]) -> tuple[str, str, str]:
-    """(when, what, detail) of an event."""
-    return clock(event["written"]), str(event["event"]), str(event["detail"] or "")
+STEPS = frozenset({"planned", "set", "settled", "measured"})  # of a point: many, and seen elsewhere
+
+
+def happened(feed: Feed, most: int = 12) -> list[tuple[str, str, str]]:
+    """(when, what, detail) of the last things worth a line, the newest first."""
+    rows = {row["id"]: row for row in feed.rows[-4 * most :]}
+    lines = []
+    for event in reversed(feed.events):
+        row = rows.get(event["point_id"])
+        if event["event"] in STEPS and event["point_id"] is not None:
+            continue
+        detail = str(event["detail"] or "") if row is None else _row_text(row, str(event["detail"] or ""))
+        lines.append((clock(event["written"]), str(event["event"]), detail))
+    return lines[:most]
+
+
+def _row_text(row: Row, reason: str) -> str:
+    place = f"D1 {row['D1']:.3f}, D2 {row['D2']:.3f}, {row['P_set_W']:.0f} W"
+    measured = f": {per_cent(row['efficiency'], 3)}" if row["efficiency"] is not None else f": {row['kind']}"
+    return place + measured + (f"; {reason}" if reason else "")
 
 
 def campaign_rows(overview: Overview) -> list[dict[str, str]]:

@@ -15,7 +15,7 @@ from bench.store import BenchRow, Entry, Row, SeenMoment, Store
 
 FORGET_S = 60.0  # of real time without a viewer
 LIST_S = 1.0  # between two looks at the list of campaigns: it counts every point
-TAIL = 12  # events shown
+TAIL = 80  # events kept; most are steps of points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
