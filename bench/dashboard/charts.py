@@ -103,7 +103,7 @@ def _map(
         "marker": {
             "color": value.round(4).tolist(),
             "size": size,
-            "line": {"width": 0.6, "color": "rgba(120,130,140,.7)"},
+            "line": {"width": 0.8, "color": "rgba(140,150,160,.9)"},
             "colorbar": {
                 "title": {"text": unit, "side": "top"},
                 "thickness": 10,

@@ -44,9 +44,9 @@ class Desk:
             if self.read_only:
                 raise BenchError("this dashboard is read-only: ask with d2ea pause, resume or abort")
             said = await asyncio.to_thread(ask, self.watcher.store, campaign_id, request)
-            ui.notify(said, type="positive")
+            ui.notify(said, classes="said")
         except BenchError as error:
-            ui.notify(str(error), type="negative", timeout=8000)
+            ui.notify(str(error), classes="said wrong", timeout=8000)
 
     async def look_forever(self) -> None:
         """Read what is new, over and over, for all who look."""

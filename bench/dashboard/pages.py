@@ -100,7 +100,9 @@ class BenchPage:
                     "pause"
                 )
                 style = "sure" if request is Request.ABORT else "pause"
-                ui.button(f"Yes, {request}", color=None, on_click=lambda: dialog.submit(True)).classes(style)
+                ui.button(f"Yes, {request}", color=None, on_click=lambda: dialog.submit(True)).classes(
+                    style
+                ).props("unelevated")
         if await dialog:
             await self._desk.ask(number, request)
         dialog.delete()
@@ -173,8 +175,8 @@ def _campaigns(desk: Desk) -> None:
             first = ui.select({}, label="Compare").props("outlined dense options-dense")
             second = ui.select({}, label="with").props("outlined dense options-dense")
             ui.button("Compare", color=None, on_click=lambda: show()).classes("pause").props(
-                "unelevated no-caps"
-            )
+                "unelevated"
+            ).props("unelevated no-caps")
         comparison = Panel("comparison")
         with ui.element("div") as picture:
             chart = Chart("Efficiency of the second less the first, at common set points")
@@ -183,12 +185,12 @@ def _campaigns(desk: Desk) -> None:
 
         async def show() -> None:
             if first.value is None or second.value is None:
-                ui.notify("choose two campaigns", type="warning")
+                ui.notify("choose two campaigns", classes="said wrong")
                 return
             try:
                 found = await asyncio.to_thread(compare, desk.watcher.store, first.value, second.value)
             except BenchError as error:
-                ui.notify(str(error), type="negative")
+                ui.notify(str(error), classes="said wrong")
                 return
             comparison.show({"title": f"{found.names[0]} and {found.names[1]}", "lines": found.lines()})
             picture.set_visibility(bool(len(found.rows)))
@@ -226,11 +228,15 @@ def _diagnosis(desk: Desk, campaign: int | None) -> None:
 
 def _models(desk: Desk) -> None:
     with frame(desk, "/models") as live:
-        chart, table = Chart("Error on measurements that were not fitted"), Panel("models")
+        with ui.element("div") as picture:
+            chart = Chart("Error on measurements that were not fitted")
+        table = Panel("models")
 
         def refresh() -> None:
             table.show(model_rows(desk.registry), decision_rows(desk.registry))
-            chart.show(charts.model_errors(model_errors(desk.registry)))
+            errors = model_errors(desk.registry)
+            picture.set_visibility(bool(errors))
+            chart.show(charts.model_errors(errors))
 
         live(refresh)
 

@@ -1,7 +1,7 @@
 """What is seen, as plain values made of what is stored: pure functions, and no word about how it looks."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -165,7 +165,7 @@ def progress(feed: Feed, now: datetime) -> ProgressView:
         phase=moment.phase if moment and live else "",
         settling=_settling(settling.elapsed_s, settling.limit_s, settling.moving) if settling else "",
         settling_share=min(1.0, settling.elapsed_s / settling.window_s) if settling else 0.0,
-        asked=str(row["request"] or ""),
+        asked="" if row["shown"] == "paused" else str(row["request"] or ""),
         stale=_stale(moment, now) if live else "",
     )
 
@@ -237,9 +237,13 @@ def _efficiencies(row: Row) -> tuple[float | None, float | None]:
 
 def limits(campaign: Row, moment: SeenMoment | None) -> list[LimitView]:
     """Every guarded quantity with its limit; the present value where there is one."""
-    upper = _upper(campaign)
-    readings = moment.readings if moment else {}
+    upper, readings = _upper(campaign), _present(moment)
     return [_limit(name, limit, readings.get(name)) for name, limit in upper.items()]
+
+
+def _present(moment: SeenMoment | None) -> Mapping[str, float | None]:
+    """Readings that are of now: a bench that is off or paused still has its last ones."""
+    return moment.readings if moment and moment.phase in PHASES else {}
 
 
 def _upper(campaign: Row) -> dict[str, float]:
@@ -308,7 +312,7 @@ def _link(
     name: str, identity: str, report: LinkReport | None, seen: tuple[SeenMoment | None, float]
 ) -> LinkView:
     moment, since_s = seen
-    readings = moment.readings if moment else {}
+    readings = _present(moment)
     values = [(column, readings.get(column)) for column in SHOWN_OF.get(name, ())]
     said = ", ".join(
         f"{value:.4g} {unit_of(column)}".strip() for column, value in values if value is not None
