@@ -107,15 +107,14 @@ def test_a_worse_candidate_is_kept_out_with_the_reason(first: tuple[Retrainer, R
 
 def test_a_model_that_was_taken_back_does_not_return_by_itself(tmp_path: Path) -> None:
     made = retrainer(tmp_path)
-    result = made.retrain(file_data(measured(150)))
-    assert result.decision is not None
-    made.journal.use("0123456789ab", when=WHEN, reason="another one")  # so that there is one to go back to
-    made.journal.use(result.decision.model, when=WHEN, reason="again")
+    for model in ("0123456789ab", "ba9876543210"):
+        made.journal.use(model, when=WHEN, reason="chosen")
     made.journal.roll_back(when=WHEN, reason="odd")
-    assert result.decision.model in made.journal.rolled_back()
-    decided = made._decide(result.decision.model, "0", {"candidate": 0.001, "simulation": 0.1}, 30)
+    errors = {"candidate": 0.001, "simulation": 0.1, "0123456789ab": 0.01}
+    decided = made._decide("ba9876543210", "0", errors, 30)
     assert decided.decision is Choice.KEPT_OUT
     assert "took this very model back" in decided.reason
+    assert made._decide("aaaaaaaaaaaa", "0", errors, 30).decision is Choice.PROMOTED
 
 
 def test_too_few_rows_wait(tmp_path: Path) -> None:
