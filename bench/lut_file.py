@@ -22,6 +22,7 @@ from models.lut import Lut
 from models.registry import ModelRecord
 
 ENDINGS = (".csv", ".json", ".h")
+BESIDE = tuple(f"lut{ending}" for ending in ENDINGS)  # files beside a model
 SCHEMA = 2
 ROW = ("P_W", "D1", "D2")
 EXPECTED = ("predicted", "predicted_low", "predicted_high")
@@ -67,6 +68,14 @@ def write_lut(table: Lut, path: Path, origin: LutOrigin) -> None:
         write_atomically(path, json.dumps(as_plain(table, origin), indent=2, allow_nan=False) + "\n")
     else:
         write_atomically(path, _header(table, origin))
+
+
+def write_beside(folder: Path, table: Lut, origin: LutOrigin) -> tuple[Path, ...]:
+    """The table in every form, beside the model in ``folder``: there the dashboard finds it."""
+    files = tuple(folder / name for name in BESIDE)
+    for file in files:
+        write_lut(table, file, origin)
+    return files
 
 
 def as_plain(table: Lut, origin: LutOrigin) -> dict[str, object]:

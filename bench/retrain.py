@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bench.lut_file import LutOrigin, write_lut
+from bench.lut_file import LutOrigin, write_beside
 from bench.optimum import LOADS_W, BestModulation
 from bench.store import Store
 from bench.training import HALF_WIDTH, HELD_OUT, efficiency_of, simulated_table
@@ -45,7 +45,6 @@ KINDS = (D2EA, SIMULATOR_FIRST)
 LEAST_FITTED = 20  # rows; fewer say little about anything
 LEAST_JUDGED = 5  # rows that neither model saw
 SIMULATION = "simulation"
-LUT_FILES = ("lut.csv", "lut.json", "lut.h")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,9 +124,7 @@ class Retrainer:
         if decision.decision is not Choice.PROMOTED:
             return Retraining(said=said_of(decision), decision=self.journal.note(decision))
         lut = self.search.table(candidate, self.search.exactly(candidate), record.metrics[HALF_WIDTH])
-        files = tuple(self.registry.root / record.id / name for name in LUT_FILES)
-        for file in files:
-            write_lut(lut, file, LutOrigin.of(record))
+        files = write_beside(self.registry.root / record.id, lut, LutOrigin.of(record))
         noted = self.journal.note(decision)  # last: a model in use always has its table
         return Retraining(said=said_of(noted), decision=noted, lut=lut, files=files)
 

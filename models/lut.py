@@ -9,7 +9,9 @@ the largest
     sum over rows of predicted efficiency - STILL · movement of D1 and D2 - UNSOUND · unsound lines
 
 A line is sound when, at points between its rows, the simulator carries the power, every edge that is soft at
-both ends stays soft, and the model predicts no dip below the worse end by more than ``DIP``. What carries a
+both ends stays soft, and the model predicts no dip below the worse end by more than ``DIP``. Nor may it lead from a
+modulation without a zero state to one with: on the way it asks for one as short as the dead time, and a bridge whose
+dead time is a little longer than its datasheet's trips there. What carries a
 power carries every smaller one, so keeping the modulation of the next larger load is always among the choices.
 
 A table is a function of power alone, with powers that rise: the controller has no state, hence no hysteresis.
@@ -36,27 +38,31 @@ TRIED = np.array([0.25, 0.5, 0.75])  # of a line, while rows are chosen
 CHECKED = np.linspace(0.1, 0.9, 9)  # of a line, once they are
 STILL = 5e-4  # efficiency that one half period of D1 or D2 must gain to be worth moving for
 DIP = 1e-3  # of efficiency below the worse end of a line
+LONGER = 1.1  # Assumption: a real dead time is at most a tenth longer than the nominal one
 UNSOUND = 1.0  # more than all that a better row can gain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """What was found between two rows: whether every point carries its power, edges that stop being soft,
-    and how far predicted efficiency falls below the worse end (a fraction, 0 where it does not)."""
+    """What was found between two rows: whether every point carries its power, whether a zero state comes or goes,
+    edges that stop being soft, and how far predicted efficiency falls below the worse end (a fraction, 0 where it
+    does not)."""
 
     low_W: float
     high_W: float
     carries: bool
+    zero_state_appears: bool
     lost_edges: tuple[str, ...]
     dip: float
 
     @property
     def sound(self) -> bool:
         """Nothing between the rows is worse than a controller may meet."""
-        return self.carries and not self.lost_edges and self.dip <= DIP
+        return self.carries and not self.zero_state_appears and not self.lost_edges and self.dip <= DIP
 
     def __str__(self) -> str:
         wrong = [] if self.carries else ["power is not carried"]
+        wrong += ["a zero state as short as the dead time"] if self.zero_state_appears else []
         wrong += [f"{edge} loses zero-voltage switching" for edge in self.lost_edges]
         if self.dip > DIP:
             wrong.append(f"predicted efficiency dips by {100 * self.dip:.2f} points")
@@ -122,6 +128,11 @@ def makeable(D1: Floats, D2: Floats, edge_gap: float) -> tuple[Floats, Floats]:
     return kept_D1, zero_state(np.minimum(D2, 1.0 - edge_gap))
 
 
+def without_zero_state(D1: Floats, D2: Floats) -> tuple[Bools, Bools]:
+    """Whether the primary and the secondary have no zero state at all."""
+    return D1 == 1.0, D2 == 0.0
+
+
 def edge_gap_of(simulator: Model) -> float:
     """The dead time of a simulated converter in half periods."""
     converter = simulator.altered_converter()
@@ -138,9 +149,16 @@ class Surroundings:
     def ask(self, D1: Floats, D2: Floats, power_W: Floats) -> tuple[Floats, Bools]:
         """Predicted efficiency (N,), NaN where the power is not carried, and soft edges (N, edges).
 
-        A prediction of 1 and above is no efficiency: the model is asked where it knows nothing.
+        A prediction of 1 and above is no efficiency: the model is asked where it knows nothing. A zero state that a
+        slightly longer dead time would swallow does not count as carrying the power.
         """
-        D1, D2 = makeable(D1, D2, edge_gap_of(self.simulator))
+        gap = edge_gap_of(self.simulator)
+        D1, D2 = makeable(D1, D2, gap)
+        tight = [(width > 0) & (width < LONGER * gap) for width in (1.0 - D1, D2)]
+        predicted, soft = self._ask(D1, D2, power_W)
+        return np.where(tight[0] | tight[1], np.nan, predicted), soft
+
+    def _ask(self, D1: Floats, D2: Floats, power_W: Floats) -> tuple[Floats, Bools]:
         asked = np.stack([D1, D2, power_W], axis=1)
         (D1, D2, power_W), again = _each_once(asked)
         run = simulate(self.simulator, Points(D1=D1, D2=D2, power_W=power_W))
@@ -192,6 +210,7 @@ def _checked(table: Lut, around: Surroundings) -> Lut:
 def check_lines(rows: pd.DataFrame, around: Surroundings) -> tuple[Line, ...]:
     """What lies between the rows (columns P_W, D1, D2) of any table, its own or one read from a file."""
     ends, soft = around.ask(*(rows[name].to_numpy(dtype=np.float64) for name in ("D1", "D2", "P_W")))
+    without = without_zero_state(rows["D1"].to_numpy(dtype=np.float64), rows["D2"].to_numpy(dtype=np.float64))
     D1, D2, power_W = (_between(rows[name].to_numpy(dtype=np.float64)) for name in ("D1", "D2", "P_W"))
     inner, inner_soft = around.ask(D1.ravel(), D2.ravel(), power_W.ravel())
     inner, inner_soft = inner.reshape(D1.shape), inner_soft.reshape(*D1.shape, -1)
@@ -200,11 +219,13 @@ def check_lines(rows: pd.DataFrame, around: Surroundings) -> tuple[Line, ...]:
         worse_end = np.nanmin(ends[k : k + 2]) if np.isfinite(ends[k : k + 2]).any() else np.nan
         lost = soft[k] & soft[k + 1] & ~inner_soft[k].all(axis=0)
         dip = max(0.0, float(worse_end - np.nanmin(inner[k]))) if np.isfinite(inner[k]).any() else np.inf
+        appears = any(edge[k] != edge[k + 1] for edge in without)
         lines.append(
             Line(
                 low_W=low_W,
                 high_W=high_W,
                 carries=bool(np.isfinite(inner[k]).all() and np.isfinite(ends[k : k + 2]).all()),
+                zero_state_appears=bool(appears),
                 lost_edges=tuple(edge for edge, gone in zip(EDGES, lost, strict=True) if gone),
                 dip=dip,
             )
@@ -279,5 +300,8 @@ class _Candidates:
         kept = soft.reshape(*power_W.shape, -1).all(axis=1) | ~(self.soft[k, a] & self.soft[k + 1, b])
         above = worst >= np.minimum(self.value[k, a], self.value[k + 1, b]) - DIP
         sound = np.zeros((len(self.power_W) - 1, *2 * (possible.shape[1],)), dtype=bool)
-        sound[k, a, b] = above & kept.all(axis=1)
+        stays = np.ones(len(k), dtype=bool)
+        for edge in without_zero_state(self.D1, self.D2):
+            stays &= edge[k, a] == edge[k + 1, b]
+        sound[k, a, b] = above & stays & kept.all(axis=1)
         return sound

@@ -17,7 +17,7 @@ from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
 from bench.commands.streams import err, out, stamp
 from bench.config import read_bench
 from bench.errors import BenchError, InputError
-from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_lut
+from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_beside, write_lut
 from bench.lut_on_bench import following, load_into_controller, table_rows, verification, verified
 from bench.optimum import BestModulation
 from bench.prediction import model_from
@@ -62,6 +62,7 @@ def optimise(
     optimum = search.swarm(model, seed)
     lut = search.table(model, optimum, record.metrics.get(HALF_WIDTH, math.nan))
     write_lut(lut, out_file, LutOrigin.of(record))
+    write_beside(folder / record.id, lut, LutOrigin.of(record))
     stamp(bool(record.virtual))
     out.print(escape(f"model {record.id} ({record.kind}), {optimum.optimiser}"))
     _tell(lut, optimum)

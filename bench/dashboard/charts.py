@@ -206,7 +206,7 @@ def model_errors(models: Sequence[tuple[str, float]]) -> Figure:
         "hovertemplate": "%{y}: %{x:.3f} points<extra></extra>",
     }
     axes = {
-        "xaxis": _axis("mean absolute error on held-out rows (points)", rangemode="tozero"),
+        "xaxis": _axis("held-out error (points)", rangemode="tozero"),
         "yaxis": {"automargin": True, "autorange": "reversed", "type": "category"},
     }
     return figure([trace], axes)

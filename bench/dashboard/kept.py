@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.dashboard.view import clock
-from bench.retrain import LUT_FILES
+from bench.lut_file import BESIDE
 from bench.training import HELD_OUT
 from bench.wording import MODEL_NAMES, points_text
 from models.journal import Journal
@@ -102,11 +102,14 @@ def _read(file: Path, id: str) -> Optimum:
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         unsound = sum(
-            not line["carries"] or bool(line["lost_edges"]) or line["dip"] is None
+            not line["carries"]
+            or line["zero_state_appears"]
+            or bool(line["lost_edges"])
+            or line["dip"] is None
             for line in content["lines"]
         )
         checked = "Checked between its rows" if not unsound else f"{unsound} lines between rows are unsound"
-        files = [name for name in LUT_FILES if (file.parent / name).is_file()]
+        files = [name for name in BESIDE if (file.parent / name).is_file()]
         return Optimum(
             table={
                 "id": id,

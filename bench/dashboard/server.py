@@ -16,7 +16,7 @@ from bench.dashboard.guard import COOKIE, LOGIN, Door, Guard
 from bench.dashboard.pages import register
 from bench.dashboard.render import page
 from bench.errors import InputError
-from bench.retrain import LUT_FILES
+from bench.lut_file import BESIDE
 
 RECONNECT_S = 30.0  # a browser that was away for less finds its page as it was
 FAVICON = (
@@ -94,6 +94,6 @@ def _downloads(server: FastAPI, desk: Desk) -> None:
     def table(model: str, name: str) -> Response:
         known = {record.id for record in desk.registry.list()}
         file = desk.registry.root / model / name
-        if model not in known or name not in LUT_FILES or not file.is_file():
+        if model not in known or name not in BESIDE or not file.is_file():
             return Response("there is no such table\n", status_code=404, media_type="text/plain")
         return FileResponse(file, filename=f"{model}-{name}")

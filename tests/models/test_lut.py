@@ -114,3 +114,19 @@ def test_what_a_controller_can_make_is_what_the_simulator_can_run():
     zero_states = np.concatenate([1 - D1, D2])
     assert np.all((zero_states == 0) | (zero_states >= gap - 1e-12))
     assert simulate(SIMULATOR, Points(D1=D1, D2=D2, power_W=np.full(61, 500.0))).feasible.all()
+
+
+def test_a_zero_state_neither_comes_nor_goes_along_a_line():
+    rows = pd.DataFrame({"P_W": [500.0, 600.0, 700.0], "D1": 0.9, "D2": [0.0, 0.02, 0.03]})
+    first, second = check_lines(rows, AROUND)
+    assert first.zero_state_appears
+    assert not first.sound
+    assert second.sound
+    chosen = make_lut(optimum([500, 600, 700], [0.9, 0.9, 0.9], [0.0, 0.02, 0.0]), AROUND)
+    assert len(set((chosen.D2 == 0).tolist())) == 1
+
+
+def test_a_zero_state_that_a_longer_dead_time_swallows_is_not_used():
+    gap = edge_gap_of(SIMULATOR)
+    value, _ = AROUND.ask(np.array([0.9, 0.9]), np.array([1.05 * gap, 1.15 * gap]), np.array([500.0, 500.0]))
+    assert np.isnan(value).tolist() == [True, False]
