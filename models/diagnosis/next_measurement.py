@@ -83,10 +83,7 @@ def next_measurements(
     if len(rivals) < 2:
         return []
     names, minutes, points = _candidates(observations)
-    models = []
-    for cause in rivals:
-        assert cause.fit.signature is not None
-        models.append(baseline.with_effect(cause.effect, **cause.fit.signature.values(cause.fit.value)))
+    models = [baseline.with_effect(c.effect, **c.term.signature.values(c.term.value)) for c in rivals]
     seen = simulate_many(models, points)
     present = {c.column for c in observations.channels}
     worth = np.zeros(len(names))
