@@ -95,18 +95,13 @@ def _circuits(models: Sequence[Model], points: Points) -> tuple[list[tuple[Conve
     What an effect adds at the input or does to a reading needs no solution of its own.
     """
     distinct: list[tuple[Converter, Points]] = []
-    known: dict[Converter, int] = {}
     slots = []
     for model in models:
         altered, moved = model.altered_converter(), model.set_points(points)
-        if moved is not points:
-            slots.append(len(distinct))
-        elif altered in known:
-            slots.append(known[altered])
-            continue
-        else:
-            slots.append(known.setdefault(altered, len(distinct)))
-        distinct.append((altered, moved))
+        same = (k for k, (other, where) in enumerate(distinct) if other is altered and where is moved)
+        slots.append(next(same, len(distinct)))
+        if slots[-1] == len(distinct):
+            distinct.append((altered, moved))
     return distinct, slots
 
 

@@ -13,12 +13,12 @@ from models.dataset import Measurements
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.gain import Gain, Readings, held_out_gain
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.next_measurement import NextMeasurement, next_measurements
+from models.diagnosis.next_measurement import NextMeasurement, next_measurements, rivals_of
 from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.signatures import power_to_spare, signatures
-from models.diagnosis.verdict import SURE, Cause, Verdict, judge
+from models.diagnosis.verdict import Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
 
@@ -235,7 +235,6 @@ def diagnose(
     if verdict.stated:
         progress("holding out bands of power")
     chosen = _leading(hypotheses, verdict)
-    sure = verdict.causes and verdict.causes[0].probability >= SURE
     return Diagnosis(
         verdict=verdict,
         observations=observations,
@@ -245,7 +244,7 @@ def diagnose(
         gap=_gap(observations, refinery.residual),
         share={c.effect: _share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
         gain=_gain(setting, hypotheses, verdict, seed),
-        next=[] if sure else next_measurements(observations, baseline, verdict.causes),
+        next=next_measurements(observations, rivals_of(hypotheses, refinery)),
         extended=_extended(baseline, verdict, chosen),
         calibrated=calibrate(refinery, chosen, setting.sigma),
         rejected=[*map(_plain_row, measurements.rejected), *rejected],

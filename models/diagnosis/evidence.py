@@ -23,7 +23,7 @@ P_CONSISTENT, P_LEFTOVER = 0.5, 0.2
 P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
-_IN_REACH = 12.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
+_IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
 _BENT = 4.0  # squared sigmas between a line and the simulation from which more starts are tried
 _FAR = (-1.0, -0.4, 0.4, 1.0)  # of the prior scale: where they are
@@ -58,8 +58,10 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     """Fits without and with every leftover, the values beside a leftover fitted again."""
     geometry, catalogue = refinery.geometry, len({s.effect for s in refinery.known.effects})
     configurations = geometry.leftovers.configurations
-    shares = [(None, np.log(1 - P_LEFTOVER) if configurations else 0.0)]
-    shares += [(c, np.log(P_LEFTOVER / len(configurations))) for c in configurations]
+    shares: list[tuple[Leftover | None, float]] = [
+        (None, math.log(1 - P_LEFTOVER) if configurations else 0.0)
+    ]
+    shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
     found: list[tuple[Fit, Leftover | None, float]] = []
     for fit in fits:
         seen, own = geometry.project(fit.vectors(refinery.residual)), fit.own(refinery.known)
@@ -88,9 +90,7 @@ def on_tangents(refinery: Refinery) -> list[Fit]:
 
 def search(refinery: Refinery) -> list[Fit]:
     """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
-    (nothing,) = refinery.simulated([Fit.nothing(refinery.residual.size)])
-    (nothing,) = refinery.simulated([nothing])  # at the spreads of its own bend
-    singles = _singles(refinery, nothing)
+    nothing, *singles = _alone(refinery)
     fits = [nothing, *singles]
     for size, most in ((2, _PAIRS), (3, _TRIPLES)):
         base = [f for f in fits if len(f.terms) == size - 1]
@@ -101,13 +101,21 @@ def search(refinery: Refinery) -> list[Fit]:
     return fits
 
 
-def _singles(refinery: Refinery, nothing: Fit) -> list[Fit]:
-    """Every effect alone: all simulated once, those that lead or are not nearly linear to the end."""
+def _alone(refinery: Refinery) -> list[Fit]:
+    """Nothing, and every effect alone: all simulated once, those that lead or are not on a line to the end."""
+    nothing = Fit.nothing(refinery.residual.size)
     lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
-    curves = refinery.simulated(lines)
-    starts = [s for line, curve in zip(lines, curves, strict=True) for s in _starts(refinery, line, curve)]
-    bent = {start.effects for start in starts}
-    tried = [*map(_tangent, lines, curves), *(refinery.simulated(starts) if starts else [])]
+    scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.scan)]
+    nothing, *curves = refinery.simulated([nothing, *lines, *scans])
+    curves, scans = curves[: len(lines)], curves[len(lines) :]
+    starts = [
+        start
+        for line, curve in zip(lines, curves, strict=True)
+        if not line.terms[0].head.scan and _bent(refinery, line, curve)
+        for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
+    ]
+    tried = [*map(_tangent, lines, curves), *scans, *(refinery.simulated(starts) if starts else [])]
+    bent = {fit.effects for fit in [*starts, *scans]}
     once = _best(tried)
     leader = max(nothing.log_evidence, once[0].log_evidence)
     chosen = [
@@ -117,7 +125,8 @@ def _singles(refinery: Refinery, nothing: Fit) -> list[Fit]:
         or (fit.log_evidence > hopeless(leader) and (k < _FOLLOWED or _significant(refinery, fit)))
     ]
     names = {fit.effects for fit in chosen}
-    return _sorted([*refinery.followed(chosen, leader), *(f for f in once if f.effects not in names)])
+    nothing, *followed = refinery.followed([nothing, *chosen], leader)
+    return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])]
 
 
 def _screened(refinery: Refinery, nothing: Fit, signature: Signature) -> Fit:
@@ -142,14 +151,17 @@ def _best_variants(fits: list[Fit]) -> list[Fit]:
     return [max(variants, key=lambda f: f.log_evidence) for variants in found.values()]
 
 
-def _starts(refinery: Refinery, line: Fit, curve: Fit) -> list[Fit]:
-    """More values to start from, for an effect whose simulated shift is not its line: Newton may go astray."""
+def _bent(refinery: Refinery, line: Fit, curve: Fit) -> bool:
+    """Whether the simulated shift is not the line: Newton's steps from there may go astray."""
     bend = (curve.shift - line.shift)[None]
-    if float(refinery.geometry.project(bend).each_other[0, 0]) < _BENT:
-        return []
+    return float(refinery.geometry.project(bend).each_other[0, 0]) > _BENT
+
+
+def _moved_to(line: Fit, values: Iterable[float]) -> list[Fit]:
+    """The line at other values, inside the bounds and not at off."""
     (term,) = line.terms
-    values = {term.moved(term.head.off + far * term.head.prior - term.value).value for far in _FAR}
-    return [line.moved(np.array([v - term.value])) for v in sorted(values) if v != term.head.off]
+    inside = {term.moved(value - term.value).value for value in values} - {term.head.off}
+    return [line.moved(np.array([value - term.value])) for value in sorted(inside)]
 
 
 def _tangent(line: Fit, curve: Fit) -> Fit:

@@ -23,7 +23,7 @@ class EffectParameter:
 
     ``tolerance`` is the everyday spread (one sigma) that every bench has about ``off``; ``prior`` the scale
     (one sigma) of the values that deserve the effect's name; ``lower`` and ``upper`` bound both. ``scan``
-    lists values to try of a parameter in which the effect is not smooth (a threshold).
+    lists values to try of a parameter in which the effect is not smooth (a threshold) or far from a line.
     """
 
     name: str
