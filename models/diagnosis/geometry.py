@@ -118,6 +118,8 @@ class Geometry:
 
 def _admitted(leftover: Leftover, inner: Array, size: int) -> _Admitted:
     at, scale = size + leftover.columns, leftover.amplitude_W
-    root = np.asarray(np.linalg.cholesky(np.eye(at.size) + scale**2 * inner[np.ix_(at, at)]), dtype=np.float64)
+    root = np.asarray(
+        np.linalg.cholesky(np.eye(at.size) + scale**2 * inner[np.ix_(at, at)]), dtype=np.float64
+    )
     spreads = solve_triangular(root, scale * inner[at, :size], lower=True, check_finite=False)
     return _Admitted(root=root, spreads=spreads, log_det=2 * float(np.sum(np.log(np.diag(root)))))

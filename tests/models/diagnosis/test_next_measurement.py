@@ -32,10 +32,10 @@ def test_one_standby_reading_tells_offset_from_auxiliary_power(observations: Obs
 
 
 def test_what_must_be_measured_again_has_its_set_point(observations: Observations) -> None:
-    steps = next_measurements(observations, [rival("link_resistance", 0.1), rival("core_loss_transformer", 0.8)])
-    D1, D2, power_W = steps[0].set_point or (0.0, 0.0, 0.0)
-    assert (0 < D1 <= 1, 0 <= D2 < 1, power_W > 0) == (True, True, True)
-    assert f"D1 = {D1:.3f}, D2 = {D2:.3f}, {power_W:.0f} W" in steps[0].action
+    steps = next_measurements(observations, [rival("link_resistance", 0.1), rival("sic_on_resistance", 0.5)])
+    assert steps[0].set_point is not None
+    D1, D2, power_W = steps[0].set_point
+    assert steps[0].action == f"measure D1 = {D1:.3f}, D2 = {D2:.3f}, {power_W:.0f} W"
 
 
 def test_steps_end_when_the_rivals_are_apart(observations: Observations) -> None:
@@ -47,7 +47,9 @@ def test_steps_end_when_the_rivals_are_apart(observations: Observations) -> None
 
 
 def test_without_a_channel_that_tells_it_is_asked_for() -> None:
-    frame = simulated_campaign(Model.baseline(), seed=1, count=20)[["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]]
+    frame = simulated_campaign(Model.baseline(), seed=1, count=20)[
+        ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
+    ]
     skew = [rival("gate_delay_skew", 60e-9), Rival(effects=(), probability=0.5, model=Model.baseline())]
     steps = next_measurements(observe(frame, prototype()), skew)
     assert "D0" in steps[-1].action  # the bridges' skew is a phase: power hardly knows of it
