@@ -16,6 +16,10 @@ from models.diagnosis.signatures import Signatures
 
 Array = NDArray[np.float64]
 
+_LEAST_DUTY, _LEAST_SHARE = (
+    0.02,
+    0.05,
+)  # ranges of D1, D2 and power (of its largest) below which they count as one
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
 
 
@@ -42,7 +46,8 @@ def length_scale(observations: Observations) -> Array:
     p = observations.points
     loaded = observations.loaded
     where = np.stack([p.D1, p.D2, p.power_W], axis=1)[loaded if np.any(loaded) else slice(None)]
-    return np.asarray(np.maximum(np.ptp(where, axis=0), 1e-6) * _LENGTHS)
+    least = np.array([_LEAST_DUTY, _LEAST_DUTY, _LEAST_SHARE * float(np.max(where[:, 2], initial=1.0))])
+    return np.asarray(np.maximum(np.ptp(where, axis=0), least) * _LENGTHS)
 
 
 def locations(observations: Observations) -> Array:

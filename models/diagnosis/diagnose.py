@@ -16,6 +16,7 @@ from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import NextMeasurement, next_measurements, rivals_of
 from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
+from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, plausible
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.signatures import power_to_spare, signatures
 from models.diagnosis.verdict import Cause, Verdict, judge
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 
 LEAST_ROWS = 12
 _Z95 = 1.96
+_OUTLIER = 6.0  # sigmas: one normal reading in a billion
 
 
 class TooFewPoints(ValueError):
@@ -48,6 +50,7 @@ class Diagnosis:
     extended: Model
     calibrated: CalibratedPhysics
     rejected: list[dict[str, Any]]
+    rejected_columns: list[RejectedColumn]
 
     def residual_table(self) -> pd.DataFrame:
         """Measured less simulated by row: the rows' set points and one column a channel."""
@@ -78,6 +81,7 @@ class Diagnosis:
             "model": model_file,
             "noise": {n.channel: n.as_plain() for n in self.noise},
             "rejected_rows": self.rejected,
+            "rejected_columns": [c.as_plain() for c in self.rejected_columns],
         }
 
     def _cause(self, cause: Cause) -> dict[str, Any]:
@@ -180,6 +184,20 @@ def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
     ]
 
 
+def _outliers(setting: Setting) -> list[dict[str, Any]]:
+    """Single readings that nothing smooth explains, and that therefore count for next to nothing."""
+    o = setting.refinery.observations
+    return [
+        {
+            "row": int(o.row[k]) + 1,
+            "column": o.channels[o.channel[k]].column,
+            "value": float(o.value[k]),
+            "reason": f"{setting.far_off[k]:.0f} sigma from what explains the other rows: it counts for nothing",
+        }
+        for k in np.flatnonzero(setting.far_off > _OUTLIER)
+    ]
+
+
 def diagnose(
     measurements: Measurements,
     baseline: Model | None = None,
@@ -203,6 +221,8 @@ def diagnose(
     ------
     TooFewPoints
         Too few rows to say anything.
+    ImplausibleTable
+        Voltages or set points that cannot be of this converter.
     ParameterError
         ``without`` names an effect that the catalogue does not have.
     """
@@ -213,6 +233,9 @@ def diagnose(
         raise TooFewPoints(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
         )
+    check_inputs(observations, baseline.converter)
+    check_set_points(observations, baseline)
+    observations, rejected_columns = plausible(observations, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
     whole, spare = observations, power_to_spare(observations, baseline)
     observations = observations.take(spare)
@@ -247,7 +270,8 @@ def diagnose(
         next=next_measurements(observations, rivals_of(hypotheses, refinery)),
         extended=_extended(baseline, verdict, chosen),
         calibrated=calibrate(refinery, chosen, setting.sigma),
-        rejected=[*map(_plain_row, measurements.rejected), *rejected],
+        rejected=[*map(_plain_row, measurements.rejected), *rejected, *_outliers(setting)],
+        rejected_columns=rejected_columns,
     )
 
 

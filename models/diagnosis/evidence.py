@@ -105,13 +105,13 @@ def _alone(refinery: Refinery) -> list[Fit]:
     """Nothing, and every effect alone: all simulated once, those that lead or are not on a line to the end."""
     nothing = Fit.nothing(refinery.residual.size)
     lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
-    scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.scan)]
+    scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
     nothing, *curves = refinery.simulated([nothing, *lines, *scans])
     curves, scans = curves[: len(lines)], curves[len(lines) :]
     starts = [
         start
         for line, curve in zip(lines, curves, strict=True)
-        if not line.terms[0].head.scan and _bent(refinery, line, curve)
+        if not line.terms[0].head.starts and _bent(refinery, line, curve)
         for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
     ]
     tried = [*map(_tangent, lines, curves), *scans, *(refinery.simulated(starts) if starts else [])]

@@ -25,30 +25,44 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 10
 SEPARATED = 4.0  # sigmas at which the worse of two explanations keeps less than one part in a thousand
-_LEAST = 0.01  # probability from which an explanation takes part
+_LEAST = 0.03  # probability from which an explanation takes part
 _MOST_RIVALS = 6
 _WORTH_DOING = 0.5  # sigmas
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextMeasurement:
-    """An action, the effects it separates, by how many sigmas, the bench minutes it takes, and its set point."""
+    """An action, the effects it separates, by how many sigmas, the bench minutes it takes, and its set point.
+
+    Sigmas and minutes are those of all ``repeats`` together.
+    """
 
     action: str
     separates: tuple[str, ...]
     expected_sigma: float
     minutes: float
     set_point: SetPoint | None = None
+    repeats: int = 1
 
     @classmethod
     def of(cls, option: Option, separates: tuple[str, ...], distance2: float) -> Self:
-        """A step that takes an option."""
+        """A step that takes an option once."""
         return cls(
             action=option.action,
             separates=separates,
             expected_sigma=float(np.sqrt(distance2)),
             minutes=option.minutes,
             set_point=option.set_point,
+        )
+
+    def once_more(self) -> Self:
+        """The same step with one repeat more."""
+        n = self.repeats + 1
+        return replace(
+            self,
+            repeats=n,
+            minutes=self.minutes * n / self.repeats,
+            expected_sigma=self.expected_sigma * (n / self.repeats) ** 0.5,
         )
 
     def as_plain(self) -> dict[str, object]:
@@ -59,6 +73,7 @@ class NextMeasurement:
             "separates": list(self.separates),
             "expected_sigma": self.expected_sigma,
             "minutes": self.minutes,
+            "repeats": self.repeats,
             **at,
         }
 
@@ -112,8 +127,10 @@ def _chosen(
     weight = np.array([rivals[i].probability * rivals[j].probability for i, j in pairs])
     d2 = np.stack([np.sum(options.distance2(i, j), axis=-1) for i, j in pairs])
     reached = np.zeros(len(pairs))
-    steps: list[NextMeasurement] = []
-    while len(steps) < most and np.any(reached < SEPARATED**2):
+    steps: dict[int, NextMeasurement] = {}
+    for _ in range(most):
+        if not np.any(reached < SEPARATED**2):
+            break
         worth = (weight * np.exp(-0.5 * reached)) @ d2 / options.minutes
         best = int(np.argmax(worth))
         first = int(np.argmax(np.where(reached < SEPARATED**2, weight * d2[:, best], -1.0)))
@@ -121,8 +138,9 @@ def _chosen(
             break
         reached = reached + d2[:, best]
         i, j = pairs[first]
-        steps.append(NextMeasurement.of(options.what[best], _differ(rivals[i], rivals[j]), d2[first, best]))
-    return steps, dict(zip(pairs, reached.tolist(), strict=True))
+        new = NextMeasurement.of(options.what[best], _differ(rivals[i], rivals[j]), d2[first, best])
+        steps[best] = steps[best].once_more() if best in steps else new
+    return list(steps.values()), dict(zip(pairs, reached.tolist(), strict=True))
 
 
 def _missing_channel(observations: Observations, two: Sequence[Rival]) -> list[NextMeasurement]:

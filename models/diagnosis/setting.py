@@ -1,6 +1,6 @@
 """What a diagnosis is carried out in: noise that fits the data, the covariance, and all that is weighed there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,21 @@ from sim.model import Model
 
 Array = NDArray[np.float64]
 
+_LOOKS = 6  # a reading far off pulls the explanation towards it: it takes a few looks to see it alone
+_SETTLED = 0.1  # relative change of a standard deviation
 _PROBES = 24  # random signs that estimate a trace to three per cent
 _SEED = 0  # of the probes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """Noise (M,) and covariance (M, M) of the readings, and the refinery that works with them."""
+    """Noise (M,) and covariance (M, M) of the readings, and the refinery that works with them.
+
+    ``far_off`` (M,) is how many of its channel's sigmas a reading lies from what explains the others.
+    """
 
     sigma: Array
+    far_off: Array
     covariance: Array
     refinery: Refinery
 
@@ -42,19 +48,20 @@ def set_up(
 ) -> Setting:
     """The setting with the noise of replicates, corrected by what the best tangent leaves."""
     rivals = leftovers(observations, known.per_watt)
-    sigma = sigma_of(observations, noise)
-    first = _setting(observations, baseline, known, sigma, rivals)
-    sigma = corrected(observations, noise, sigma, _left_out(first))
+    first = before = sigma = left = sigma_of(observations, noise)
+    for _ in range(_LOOKS):
+        left = _left_out(_setting(observations, baseline, known, sigma, rivals))
+        before, sigma = sigma, corrected(observations, noise, first, left * sigma / first)
+        if np.all(np.abs(np.log(sigma / before)) < _SETTLED):
+            break
     near = observations.reference(baseline)
     setting = _setting(observations, baseline, known, sigma, rivals)
-    refinery = Refinery(
-        known=known,
-        observations=observations,
-        baseline=baseline,
-        geometry=setting.refinery.geometry,
-        near=near,
+    usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
+    return replace(
+        setting,
+        far_off=np.abs(left) * before / usual[observations.channel],
+        refinery=replace(setting.refinery, near=near),
     )
-    return Setting(sigma=sigma, covariance=setting.covariance, refinery=refinery)
 
 
 def _setting(
@@ -63,7 +70,7 @@ def _setting(
     matrix = covariance(observations, sigma, known)
     geometry = Geometry.of(Whitener.of(matrix), known.spreads, rivals)
     refinery = Refinery(known=known, observations=observations, baseline=baseline, geometry=geometry)
-    return Setting(sigma=sigma, covariance=matrix, refinery=refinery)
+    return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=matrix, refinery=refinery)
 
 
 def _left_out(setting: Setting) -> Array:

@@ -20,6 +20,7 @@ _ROOT_3 = 3**0.5
 _VOLTAGE_GAIN = 5e-4 / _ROOT_3  # of a dc voltage: 0.05 % of reading, uniform
 _P2_NOISE = 1e-4  # of reading, one averaged reading
 _COLLINEAR = 0.9999
+_CROSSED = 5  # readings on the far side of a threshold that make it more than an outlier
 _SILENT = 1e-3  # over all readings, in their units: above the solver's tolerance, below every noise
 _APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
@@ -133,10 +134,13 @@ def signatures(
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:
-    """True for a threshold that no reading crosses: the effect is then another one, or none at all."""
+    """True for a threshold that few readings cross: the effect is then another one, none at all, or an outlier."""
     if not signature.entry.threshold:
         return False
     slope = np.nan_to_num(signature.slope)
+    touched = int(np.count_nonzero(np.abs(slope) * signature.entry.headline.prior > _SILENT))
+    if touched < _CROSSED:
+        return True
     length = float(np.linalg.norm(slope))
     if length * signature.entry.headline.prior < _SILENT:
         return True

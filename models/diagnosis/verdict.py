@@ -105,18 +105,18 @@ def judge(hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 
     """The verdict of a posterior.
 
     ``misfit`` is the chi-squared per reading that the most probable fit leaves without a leftover; far above one,
-    nothing that was tried explains the data, and no name is given.
+    nothing that was tried explains the data, and no cause is listed.
     """
     bare = [h for h in hypotheses if not h.fit.terms]
     nothing = sum(h.probability for h in bare if h.leftover is None)
     nameless = sum(h.probability for h in bare if h.leftover is not None)
-    causes = marginal(hypotheses)
+    causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
     named = tuple(c.effect for c in causes if c.probability >= SURE)
     rest = [c for c in causes if c.effect not in named]
     group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest else ()
-    if (named or group) and misfit <= _UNEXPLAINED:
+    if named or group:
         kind = "named" if named else "group"
-    elif nothing >= 1 - SURE and nothing >= nameless:
+    elif nothing >= 1 - SURE and nothing >= nameless and misfit <= _UNEXPLAINED:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"
@@ -127,7 +127,9 @@ def judge(hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 
         groups=(tied,) if tied else (),
         stated={"named": named, "group": group[:1]}.get(kind, ()),
         consistent_probability=nothing,
-        unknown_probability=sum(h.probability for h in hypotheses if h.leftover is not None),
+        unknown_probability=1.0
+        if misfit > _UNEXPLAINED
+        else sum(h.probability for h in hypotheses if h.leftover is not None),
     )
 
 
