@@ -25,13 +25,16 @@ class Command:
 
 
 def commands(page: Path) -> list[Command]:
-    """The commands of a page's console blocks, in order."""
+    """The commands of a page's blocks, in order; those of a ``sh`` block print what the page does not tell."""
     found = []
     for language, body in BLOCK.findall(page.read_text(encoding="utf-8")):
         if language == "console":
             for part in re.split(r"^\$ ", body, flags=re.MULTILINE)[1:]:
                 line, _, expected = part.partition("\n")
                 found.append(Command(tuple(shlex.split(line)), expected))
+        elif language == "sh":
+            lines = (shlex.split(line, comments=True) for line in body.splitlines())
+            found += [Command(tuple(words), "") for words in lines if words]
     return found
 
 
