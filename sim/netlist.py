@@ -262,7 +262,7 @@ class _Writer:
         start_s = s.settle_periods * period_s
         stop_s = start_s + s.measured_periods * period_s
         nodes = sorted({node for d in devices for node in (d.a, d.b, d.gate) if node not in (None, "0")})
-        yield ".options reltol=1e-4 abstol=1e-6 vntol=1e-4 chgtol=1e-13 method=gear maxord=2"
+        yield ".options reltol=1e-4 abstol=1e-6 vntol=1e-4 chgtol=1e-13 itl4=100 method=gear maxord=2"
         yield ".control"
         yield "save i(Llink) i(Vtop) i(Vbottom) i(Vout) v(x) v(y) " + " ".join(f"v({n})" for n in nodes)
         yield f"tran {s.longest_step_s:g} {stop_s:.9g} {start_s - period_s:.9g} {s.longest_step_s:g} uic"

@@ -73,7 +73,7 @@ class State:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace:
-    """Waveforms on S nodes of N converters, arrays (S, N); voltages hold just after a node."""
+    """Waveforms of N converters, arrays (S, N): the two ends of every step, so that jumps have both their sides."""
 
     time_s: Array
     vp_V: Array
@@ -82,7 +82,7 @@ class Trace:
     output_V: Array
 
     def mean(self, values: Array) -> Array:
-        """Mean over time, (N,), of values at the nodes."""
+        """Mean over time, (N,), of values (S, N)."""
         length = np.diff(self.time_s, axis=0)
         total = np.sum(0.5 * (values[1:] + values[:-1]) * length, axis=0)
         return np.asarray(total / (self.time_s[-1] - self.time_s[0]))
@@ -126,20 +126,16 @@ class Stepper:
         """From a state to ``until_s`` (N,); each leg flips at ``flips_s`` (4, N), at most once, or never (inf)."""
         nodes = self._nodes(state, until_s, flips_s)
         waiting = flips_s.copy()
-        shape = (len(nodes), *state.link_A.shape)
-        vp, nvs, current, volts = (np.empty(shape) for _ in range(4))
+        shape = (2 * (len(nodes) - 1), *state.link_A.shape)
+        times, vp, nvs, current, volts = (np.empty(shape) for _ in range(5))
         for k in range(len(nodes) - 1):
-            state, waiting = self._events(state, waiting)
-            open_ = state.closes_s > state.time_s + self._instant_s
-            before, state = state, self._step(state, nodes[k + 1] - nodes[k], open_)
-            rates = self._rates(before, open_)
-            vp[k], nvs[k], current[k], volts[k] = rates.vp_V, rates.nvs_V, before.link_A, before.output_V
-        last = self._rates(state, state.closes_s > state.time_s + self._instant_s)
-        vp[-1], nvs[-1], current[-1], volts[-1] = last.vp_V, last.nvs_V, state.link_A, state.output_V
-        trace = Trace(
-            time_s=nodes, vp_V=vp, vs_V=nvs / self.circuit.turns_ratio, current_A=current, output_V=volts
-        )
-        return state, trace
+            before, waiting = self._events(state, waiting)
+            state, first, second = self._step(before, nodes[k + 1] - nodes[k])
+            for row, at, rates in ((2 * k, before, first), (2 * k + 1, state, second)):
+                times[row], current[row], volts[row] = at.time_s, at.link_A, at.output_V
+                vp[row], nvs[row] = rates.vp_V, rates.nvs_V
+        vs = nvs / self.circuit.turns_ratio
+        return state, Trace(time_s=times, vp_V=vp, vs_V=vs, current_A=current, output_V=volts)
 
     @property
     def _instant_s(self) -> Array:
@@ -171,11 +167,12 @@ class Stepper:
         )
         return flipped, np.where(now, np.inf, waiting)
 
-    def _step(self, state: State, h: Array, open_: NDArray[np.bool_]) -> State:
-        """Heun's rule over a step in which no leg opens or closes."""
+    def _step(self, state: State, h: Array) -> tuple[State, _Rates, _Rates]:
+        """Heun's rule over a step in which no leg opens or closes, with the rates at both of its ends."""
+        open_ = state.closes_s > state.time_s + self._instant_s
         first = self._rates(state, open_)
         second = self._rates(self._moved(state, h, first, first), open_)
-        return self._moved(state, h, first, second)
+        return self._moved(state, h, first, second), first, second
 
     def _moved(self, state: State, h: Array, a: _Rates, b: _Rates) -> State:
         half = 0.5 * h
@@ -247,10 +244,8 @@ class Settled:
         return np.asarray(2 * np.max(np.abs(self.trace.current_A), axis=0))
 
     def power_W(self, voltage_V: Array) -> Array:
-        """Mean power (N,) of a voltage at the nodes (S, N) that holds until the next, times the current."""
-        i, length = self.trace.current_A, np.diff(self.trace.time_s, axis=0)
-        between = 0.5 * (voltage_V[1:] + voltage_V[:-1]) * 0.5 * (i[1:] + i[:-1])
-        return np.asarray(np.sum(between * length, axis=0) / np.sum(length, axis=0))
+        """Mean power (N,) of one of the trace's voltages (S, N) times the current."""
+        return self.trace.mean(voltage_V * self.trace.current_A)
 
 
 def at_rest(circuit: Circuit, edges: Array) -> State:
