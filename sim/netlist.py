@@ -23,10 +23,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from sim.bridges import primary_scheme, secondary_scheme
 from sim.circuit import Temperatures, winding_resistance
 from sim.model import Model
+from sim.modulation import CLAMPED
 from sim.operating_points import Points
-from sim.parameters import Capacitance, Conduction, Converter, ParameterError, Quantity, Switch
+from sim.parameters import Conduction, Converter, NpcBridge, ParameterError, Quantity, Switch
 from sim.solved import Solved, solve_points
 from sim.steady_state import lossless_start_A, magnetizing_current
 
@@ -37,9 +39,9 @@ _CONDUCTING_V = 5.0  # a device with less across it conducts; what it loses with
 
 SETTLED = "I_L_rms_before_A"  # rms current of the period before those that are measured
 _MEASURED = {
-    "I_L_rms_A": "RMS i(Llink)",
-    "I_L_mean_A": "AVG i(Llink)",  # 0 by half-wave symmetry
-    "I_L_pp_A": "PP i(Llink)",
+    "I_L_rms_A": "RMS i(Vlink)",
+    "I_L_mean_A": "AVG i(Vlink)",  # 0 by half-wave symmetry
+    "I_L_pp_A": "PP i(Vlink)",
     "P1_W": "AVG p1",
     "P2_W": "AVG p2",
     "loss_link_W": "AVG link",
@@ -73,6 +75,12 @@ def netlist(model: Model, points: Points, settling: Settling | None = None) -> s
     """
     if len(points) != 1:
         raise ParameterError(f"a netlist is of one operating point; got {len(points)}")
+    converter = model.converter
+    if isinstance(converter.primary, NpcBridge) and converter.modulation not in CLAMPED:
+        raise ParameterError(
+            f"a netlist of a three-level primary is written for {', '.join(CLAMPED)} modulation; "
+            f"this model is driven by {converter.modulation}"
+        )
     writer = _Writer(solved=solve_points(model, points), settling=settling or Settling())
     return "\n".join(writer.lines()) + "\n"
 
@@ -139,14 +147,17 @@ class _Writer:
         return self.converter.half_period_s
 
     def lines(self) -> Iterator[str]:
-        devices = [*self._npc_devices(), *self._bridge_devices()]
+        devices = [
+            *self._primary_devices(),
+            *self._bridge(self.converter.secondary.switch, "secondary", ("q", "0"), ("as", "bs"), "gq"),
+        ]
         yield from self._head()
         yield from self._gates()
         yield from self._sources()
         yield from self._link()
         yield "* what conducts"
         yield from (device.line for device in devices)
-        yield from self._capacitances()
+        yield from self._capacitances(devices)
         yield from self._start()
         yield from self._run(devices)
 
@@ -160,19 +171,30 @@ class _Writer:
 
     def _gates(self) -> Iterator[str]:
         """A switch opens at an edge, its complement closes a dead time later."""
-        rise, fall, lead, lag = self.solved.edges[:, 0].tolist()
-        turns = {  # on and off, in half periods
-            "g1": (rise, fall + 1), "g2": (fall, rise + 1), "g3": (fall + 1, rise + 2), "g4": (rise + 1, fall + 2),
-            "gq1": (lead, lead + 1), "gq2": (lead + 1, lead + 2), "gq4": (lag, lag + 1), "gq3": (lag + 1, lag + 2),
-        }  # fmt: skip
-        yield "* gates, from 0 to 1; the second NPC leg is the mirror image of the first"
+        yield "* gates, from 0 to 1"
         period_s, dead_s = 2 * self.half_period_s, _scalar(self.converter.dead_time_s)
-        for gate, (on, off) in turns.items():
+        for gate, (on, off) in self._turns().items():
             width_s = (off - on) * self.half_period_s - dead_s - 2 * _RAMP_S
             start_s = (on * self.half_period_s + dead_s) % period_s
             start_s -= period_s * (start_s + width_s > period_s)
             timing = f"{start_s:.9g} {_RAMP_S:g} {_RAMP_S:g} {width_s:.9g} {period_s:.9g}"
             yield f"V{gate} {gate} 0 PULSE(0 1 {timing})"
+
+    def _turns(self) -> dict[str, tuple[float, float]]:
+        """Where each gate goes on and off, in half periods."""
+        first, second, lead, lag = self.solved.edges[:, 0].tolist()
+        secondary = {
+            "gq1": (lead, lead + 1), "gq2": (lead + 1, lead + 2), "gq4": (lag, lag + 1), "gq3": (lag + 1, lag + 2),
+        }  # fmt: skip
+        if isinstance(self.converter.primary, NpcBridge):  # the second leg is the mirror image of the first
+            return secondary | {
+                "g1": (first, second + 1), "g2": (second, first + 1),
+                "g3": (second + 1, first + 2), "g4": (first + 1, second + 2),
+            }  # fmt: skip
+        return secondary | {
+            "g1": (first, first + 1), "g2": (first + 1, first + 2),
+            "g4": (second, second + 1), "g3": (second + 1, second + 2),
+        }  # fmt: skip
 
     def _sources(self) -> Iterator[str]:
         V1, nV2 = _scalar(self.solved.circuit.V1_V), _scalar(self.solved.circuit.nV2_V)
@@ -187,8 +209,11 @@ class _Writer:
         n = self.converter.transformer.turns_ratio
         R = self.converter.link_resistance_Ohm + sum(winding_resistance(self.converter, self.temperatures))
         im = magnetizing_current(c, edges, 0 * edges[:1])
-        yield "* ac link: inductor, all series resistance, magnetizing inductance, ideal transformer"
-        yield f"Llink ap x {_scalar(c.inductance_H):.9g} IC={_scalar(lossless_start_A(c, edges)):.6g}"
+        eddy_Ohm = _scalar(c.inductance_H) / max(_scalar(c.eddy_s), 1e-15)
+        yield "* ac link: inductor with eddy currents, all series resistance, magnetizing inductance, ideal transformer"
+        yield "Vlink ap w 0"
+        yield f"Llink w x {_scalar(c.inductance_H):.9g} IC={_scalar(lossless_start_A(c, edges)):.6g}"
+        yield f"Reddy w x {eddy_Ohm:.9g}"
         yield f"Rlink x y {_scalar(R):.9g}"
         yield f"Lmag y bp {_scalar(c.magnetizing_H):.9g} IC={_scalar(im):.6g}"
         yield f"Esecondary s0 bs y bp {1 / n:.9g}"
@@ -200,35 +225,50 @@ class _Writer:
         c = self.solved.circuit
         V1, V2 = _scalar(c.V1_V), _scalar(c.nV2_V) / self.converter.transformer.turns_ratio
         high = np.mod(-1e-9 - self.solved.edges[:, 0], 2.0) < 1.0
-        level = V1 / 4 * (2.0 * np.sum(high[:2]) - 2.0)
         at = {"p": V1 / 2, "m": -V1 / 2, "q": V2, "as": V2 * high[2], "bs": V2 * (not high[3])}
-        for leg, v in (("a", level), ("b", -level)):
-            at |= {f"{leg}p": v, f"u{leg}": max(v, 0.0), f"l{leg}": min(v, 0.0)}
-        at |= {"s0": at["as"], "x": at["ap"], "y": at["bp"] + _scalar(c.nV2_V) / V2 * (at["as"] - at["bs"])}
+        if isinstance(self.converter.primary, NpcBridge):
+            level = V1 / 2 * (float(np.sum(high[:2])) - 1.0)
+            for leg, v in (("a", level), ("b", -level)):
+                at |= {f"{leg}p": v, f"u{leg}": max(v, 0.0), f"l{leg}": min(v, 0.0)}
+        else:
+            at |= {"ap": V1 * (high[0] - 0.5), "bp": V1 * (0.5 - high[1])}
+        at |= {
+            "s0": at["as"],
+            "w": at["ap"],
+            "x": at["ap"],
+            "y": at["bp"] + _scalar(c.nV2_V) / V2 * (at["as"] - at["bs"]),
+        }
         yield ".ic " + " ".join(f"v({node})={v:.6g}" for node, v in at.items())
 
-    def _npc_devices(self) -> Iterator[_Device]:
-        """Leg a, and leg b as its mirror image."""
-        primary, t = self.converter.primary, self.temperatures
+    def _primary_devices(self) -> Iterator[_Device]:
+        """Two three-level legs, or two two-level ones."""
+        primary, t = self.converter.primary, self.temperatures.junction_C
+        if not isinstance(primary, NpcBridge):
+            yield from self._bridge(primary.switch, "primary", ("p", "m"), ("ap", "bp"), "g")
+            return
         gates = {"a": ("g1", "g2", "g3", "g4"), "b": ("g4", "g3", "g2", "g1")}
         for leg, (g1, g2, g3, g4) in gates.items():
             up, mid, low = f"u{leg}", f"{leg}p", f"l{leg}"
-            outer = (primary.outer, "primary_outer", t.outer_C)
-            inner = (primary.inner, "primary_inner", t.inner_C)
+            outer = (primary.outer, "primary_outer", t["primary_outer"])
+            inner = (primary.inner, "primary_inner", t["primary_inner"])
             yield from self._switch(f"1{leg}", ("p", up), g1, outer)
             yield from self._switch(f"2{leg}", (up, mid), g2, inner)
             yield from self._switch(f"3{leg}", (mid, low), g3, inner)
             yield from self._switch(f"4{leg}", (low, "m"), g4, outer)
-            drop = _drop(primary.clamp.on, t.clamp_C)
+            drop = _drop(primary.clamp.on, t["primary_clamp"])
             yield _Device(f"d5{leg}", "primary_clamp", "o", up, None, drop)
             yield _Device(f"d6{leg}", "primary_clamp", low, "o", None, drop)
 
-    def _bridge_devices(self) -> Iterator[_Device]:
-        low = (self.converter.secondary.switch, "secondary", self.temperatures.secondary_C)
-        yield from self._switch("q1", ("q", "as"), "gq1", low)
-        yield from self._switch("q2", ("as", "0"), "gq2", low)
-        yield from self._switch("q3", ("q", "bs"), "gq3", low)
-        yield from self._switch("q4", ("bs", "0"), "gq4", low)
+    def _bridge(
+        self, switch: Switch, kind: str, rails: tuple[str, str], legs: tuple[str, str], gate: str
+    ) -> Iterator[_Device]:
+        """Two two-level legs; the fourth switch is the lower one of the second leg."""
+        (high, low), (a, b) = rails, legs
+        what = (switch, kind, self.temperatures.junction_C[kind])
+        places = (("1", high, a), ("2", a, low), ("3", high, b), ("4", b, low))
+        for number, one, other in places:
+            name = f"{gate}{number}"
+            yield from self._switch(name, (one, other), name, what)
 
     @staticmethod
     def _switch(
@@ -240,38 +280,37 @@ class _Writer:
         yield _Device(f"s{name}", kind, a, b, gate, on, both_ways=switch.synchronous)
         yield _Device(f"r{name}", kind, b, a, None, _drop(switch.reverse, junction_C))
 
-    def _capacitances(self) -> Iterator[str]:
-        primary, low = self.converter.primary, self.converter.secondary.switch
-        models: dict[str, tuple[Capacitance, list[tuple[str, str]]]] = {
-            "couter": (primary.outer.capacitance, [n for x in "ab" for n in (("p", f"u{x}"), (f"l{x}", "m"))]),
-            "cinner": (primary.inner.capacitance, [n for x in "ab" for n in ((f"u{x}", f"{x}p"), (f"{x}p", f"l{x}"))]),
-            "cclamp": (primary.clamp.capacitance, [n for x in "ab" for n in ((f"u{x}", "o"), ("o", f"l{x}"))]),
-            "csecondary": (low.capacitance, [n for x in ("as", "bs") for n in (("q", x), (x, "0"))]),
-        }  # fmt: skip
-        yield "* output capacitances: junctions from positive to negative node that do not conduct"
-        for model, (junction, places) in models.items():
+    def _capacitances(self, devices: list[_Device]) -> Iterator[str]:
+        """A junction across each switch and each clamp diode, from its positive to its negative node."""
+        yield "* output capacitances: junctions that do not conduct"
+        known = {**primary_scheme(self.converter).devices, **secondary_scheme(self.converter).devices}
+        for kind, device in known.items():
+            c = device.capacitance
             yield (
-                f".model {model} D(IS=1e-30 CJO={_scalar(junction.zero_bias_F):.9g} VJ={junction.junction_V:g} "
-                f"M={junction.grading:g} FC=0)"
+                f".model c_{kind} D(IS=1e-30 CJO={_scalar(c.zero_bias_F):.9g} VJ={c.junction_V:g} "
+                f"M={c.grading:g} FC=0)"
             )
-            for k, (a, b) in enumerate(places):
-                yield f"D{model}{k} {b} {a} {model}"
+        for d in devices:
+            if d.gate:
+                yield f"Dc{d.name} {d.b} {d.a} c_{d.kind}"
+            elif d.kind == "primary_clamp":
+                yield f"Dc{d.name} {d.a} {d.b} c_{d.kind}"
 
     def _run(self, devices: list[_Device]) -> Iterator[str]:
         period_s, s = 2 * self.half_period_s, self.settling
         start_s = s.settle_periods * period_s
         stop_s = start_s + s.measured_periods * period_s
         nodes = sorted({node for d in devices for node in (d.a, d.b, d.gate) if node not in (None, "0")})
-        yield ".options reltol=1e-4 abstol=1e-6 vntol=1e-4 chgtol=1e-13 itl4=100 method=gear maxord=2"
+        yield ".options reltol=1e-4 abstol=1e-4 vntol=1e-3 chgtol=1e-13 itl4=100 cshunt=1e-12 method=gear maxord=2"
         yield ".control"
-        yield "save i(Llink) i(Vtop) i(Vbottom) i(Vout) v(x) v(y) " + " ".join(f"v({n})" for n in nodes)
+        yield "save i(Vlink) i(Vtop) i(Vbottom) i(Vout) v(w) v(y) " + " ".join(f"v({n})" for n in nodes)
         yield f"tran {s.longest_step_s:g} {stop_s:.9g} {start_s - period_s:.9g} {s.longest_step_s:g} uic"
         yield f"let p1 = -{_scalar(self.solved.circuit.V1_V) / 2:.9g}*(i(Vtop) + i(Vbottom))"
         yield "let p2 = v(q)*i(Vout)"
-        yield "let link = (v(x) - v(y))*i(Llink)"
+        yield "let link = (v(w) - v(y))*i(Vlink)"
         yield from self._loss_vectors(devices)
         window = f"from={start_s:.9g} to={stop_s:.9g}"
-        yield f"meas tran {SETTLED} RMS i(Llink) from={start_s - period_s:.9g} to={start_s:.9g}"
+        yield f"meas tran {SETTLED} RMS i(Vlink) from={start_s - period_s:.9g} to={start_s:.9g}"
         for name, what in _MEASURED.items():
             yield f"meas tran {name} {what} {window}"
         for kind in _kinds(devices):

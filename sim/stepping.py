@@ -3,8 +3,12 @@ r"""The converter stepped through time: an independent way to the waveforms that
 Between the legs' positions l (from -1 to 1), the link current i, the magnetizing current and the output voltage:
 
 .. math::
-    L \, \dot\imath &= \tfrac12 V_1 (l_1 + l_2) - \tfrac12 n v_2 (l_3 + l_4) - \operatorname{sign}(i) V_0 - R i \\
+    L \, \dot\imath &= \tfrac12 V_1 (l_1 + l_2) - \tfrac12 n v_2 (l_3 + l_4)
+        - \operatorname{sign}(i) V_0 - R (i + \tau \dot\imath) \\
     L_m \, \dot\imath_m &= \tfrac12 n v_2 (l_3 + l_4)
+
+A resistor L/tau beside the inductance carries tau di/dt (eddy currents in the windings); what leaves the bridges'
+terminals is i + tau di/dt.
 
 When a leg flips, both its switches open; in the dead time the current that leaves it moves its charge,
 :math:`0 \le q \le Q`, and its position follows the charge along the curve of its capacitances. At the end of the
@@ -104,7 +108,7 @@ class Output:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Rates:
-    """Time derivatives of a state, and the bridges' voltages there."""
+    """Time derivatives of a state, and the bridges' voltages and terminal current there."""
 
     link: Array
     magnetizing: Array
@@ -112,6 +116,7 @@ class _Rates:
     output: Array
     vp_V: Array
     nvs_V: Array
+    current_A: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,8 +137,8 @@ class Stepper:
             before, waiting = self._events(state, waiting)
             state, first, second = self._step(before, nodes[k + 1] - nodes[k])
             for row, at, rates in ((2 * k, before, first), (2 * k + 1, state, second)):
-                times[row], current[row], volts[row] = at.time_s, at.link_A, at.output_V
-                vp[row], nvs[row] = rates.vp_V, rates.nvs_V
+                times[row], volts[row] = at.time_s, at.output_V
+                vp[row], nvs[row], current[row] = rates.vp_V, rates.nvs_V, rates.current_A
         vs = nvs / self.circuit.turns_ratio
         return state, Trace(time_s=times, vp_V=vp, vs_V=vs, current_A=current, output_V=volts)
 
@@ -193,16 +198,19 @@ class Stepper:
         vp = 0.5 * c.V1_V * (level[0] + level[1])
         secondary = 0.5 * (level[2] + level[3])
         nvs = c.turns_ratio * state.output_V * secondary
-        V0, R = self._drops(vp, i)
-        into = c.turns_ratio * (i - state.magnetizing_A)
-        leaves = state.side * np.stack([-i, -i, into, into])
+        V0, R = self._drops(vp, nvs, i)
+        link = (vp - nvs - np.sign(i) * V0 - R * i) / (c.inductance_H + R * c.eddy_s)
+        current = i + c.eddy_s * link
+        into = c.turns_ratio * (current - state.magnetizing_A)
+        leaves = state.side * np.stack([-current, -current, into, into])
         return _Rates(
-            link=(vp - nvs - np.sign(i) * V0 - R * i) / c.inductance_H,
+            link=link,
             magnetizing=nvs / c.magnetizing_H,
             charge=np.where(open_, leaves, 0.0),
             output=self.output.slope(into * secondary, state.output_V),
             vp_V=vp,
             nvs_V=nvs,
+            current_A=current,
         )
 
     def _position(self, charge_C: Array) -> Array:
@@ -214,12 +222,21 @@ class Stepper:
         low = c.curves[legs, c.curve, below]
         return np.asarray(low + (c.curves[legs, c.curve, below + 1] - low) * (place - below))
 
-    def _drops(self, vp: Array, i: Array) -> tuple[Array, Array]:
+    def _drops(self, vp: Array, nvs: Array, i: Array) -> tuple[Array, Array]:
         """Threshold and resistance of what conducts."""
         c = self.circuit
-        path = np.where(np.abs(vp) <= 0.5 * c.V1_V, 2, np.where(vp * i > 0, 0, 1))
-        V0, R = (np.choose(path, [c.forward[k], c.reverse[k], c.zero[k]]) for k in (0, 1))
-        return V0, R
+        V0, R = _chosen(vp, 0.5 * c.V1_V, i, np.stack([c.forward, c.reverse, c.zero]))
+        if c.secondary is None:
+            return V0, R
+        V0_2, R_2 = _chosen(nvs, 0.5 * c.nV2_V, -i, c.secondary)
+        return V0 + V0_2, R + R_2
+
+
+def _chosen(v: Array, least_V: Array, i: Array, drops: Array) -> tuple[Array, Array]:
+    """Drop of the state (along the voltage, against it, zero), from drops (3, 2, N)."""
+    path = np.where(np.abs(v) <= least_V, 2, np.where(v * i > 0, 0, 1))
+    V0, R = (np.choose(path, list(drops[:, k])) for k in (0, 1))
+    return V0, R
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,7 +253,7 @@ class Settled:
         i = self.trace.current_A
         thirds = (i[1:] ** 2 + i[1:] * i[:-1] + i[:-1] ** 2) / 3
         length = np.diff(self.trace.time_s, axis=0)
-        return np.sqrt(np.sum(thirds * length, axis=0) / np.sum(length, axis=0))
+        return np.asarray(np.sqrt(np.sum(thirds * length, axis=0) / np.sum(length, axis=0)))
 
     @property
     def peak_to_peak_A(self) -> Array:
