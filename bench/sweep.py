@@ -29,7 +29,7 @@ from bench.workers import Workers, on_dask, on_processes
 from sim.model import Model
 from sim.space import Columns, Space, solve_rows
 
-CHUNK_ROWS = 10_000
+CHUNK_ROWS = 12_500
 _JOB = "sweep.json"
 
 Watch = Callable[[int, int], None]
