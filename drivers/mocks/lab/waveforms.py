@@ -1,6 +1,6 @@
 """The lab's ac link: its own temperature laws, then the waveform solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,11 @@ from sim.modulation import centre_offset, hybrid_edges
 from sim.parameters import Capacitance, Conduction, Converter
 from sim.regulation import Regulated, regulate
 from sim.soft_switching import swing_curve
-from sim.steady_state import Circuit
+from sim.steady_state import FINE, Circuit
 
 Array = NDArray[np.float64]
+
+LAB_ACCURACY = replace(FINE, power=1e-5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,4 +126,4 @@ def lab_orbit(
     circuit = lab_circuit(converter, heat, demand)
     edges = hybrid_edges(-centre_offset(demand.D1, demand.D2), demand.D1, demand.D2)
     edges[2:] += converter.secondary_delay_s / converter.half_period_s
-    return circuit, regulate(circuit, edges, demand.power_W + secondary_W, warm=warm, tolerance=1e-5)
+    return circuit, regulate(circuit, edges, demand.power_W + secondary_W, warm=warm, accuracy=LAB_ACCURACY)
