@@ -43,7 +43,7 @@ def solve_points(model: Model, points: Points) -> Solved:
         at = f"D1 = {points.D1[k]:g}, D2 = {points.D2[k]:g}, {points.power_W[k]:g} W"  # type: ignore[index]
         raise ParameterError(f"{at} cannot run: {result.reason[k]}")
     converter, moved = model.altered_converter(), model.set_points(points)
-    state = operate(converter, moved)
+    state = operate(converter, moved).state
     D1, D2 = np.asarray(moved.D1), np.asarray(moved.D2)
     late = np.array([0.0, 0.0, 1.0, 1.0])[:, None] * converter.secondary_delay_s / converter.half_period_s
     V1 = moved.V1_V - converter.input_cable_Ohm * state.balance.I1_A

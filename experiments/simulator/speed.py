@@ -62,7 +62,7 @@ def grid_findings(cost: GridCost, settings: Settings) -> Findings:
     load = os.getloadavg()[0]
     return Findings(
         goals=(
-            at_most(f"grid of 12,500 points, losses and temperatures, best of {REPEATS}", cost.seconds, SECONDS_BAR, "s"),
+            at_most(f"grid of 12,500 points, all losses, best of {REPEATS}", cost.seconds, SECONDS_BAR, "s"),
             at_most("the same as a whole process, to a Parquet file", whole_s, PROCESS_BAR, "s"),
         ),
         notes=(

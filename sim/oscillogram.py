@@ -8,7 +8,7 @@ from sim.solved import solve_points
 from sim.stepping import Stepper, Steps, Trace, settle
 
 
-def waveforms(model: Model, points: Points, steps: Steps | None = None) -> Trace:
+def oscillogram(model: Model, points: Points, steps: Steps | None = None) -> Trace:
     """A period of N points in their steady state from S1's rising edge on, arrays (S, N), as an oscilloscope shows it.
 
     D0 is the simulator's, the waveform that of :mod:`sim.stepping`.
@@ -19,7 +19,7 @@ def waveforms(model: Model, points: Points, steps: Steps | None = None) -> Trace
         For the first point that cannot run, with the reason.
 
     >>> point = Points(D1=0.9, D2=0.1, power_W=600.0)
-    >>> trace = waveforms(Model.baseline(), point, Steps(in_dead_time=9, in_half_period=20))
+    >>> trace = oscillogram(Model.baseline(), point, Steps(in_dead_time=9, in_half_period=20))
     >>> trace.vp_V.max().round().item(), trace.vs_V.max().round().item()
     (300.0, 140.0)
     """
