@@ -184,7 +184,7 @@ class _Run:
             campaign_id=self.id,
             seed=job.campaign.seed,
             config_hash=job.provenance().config_hash,
-            bench=job.bench.model_dump(mode="json"),
+            bench=job.bench.settings(),
             offset_s=self.before_s,
         )
         self.session_id = self.store.begin_session(session, owner=self.owner)

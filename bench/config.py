@@ -170,6 +170,10 @@ class BenchConfig(Section):
             )
         return self
 
+    def settings(self) -> dict[str, object]:
+        """All of it as plain data but the database's URL, which may hold a password."""
+        return self.model_dump(mode="json", exclude={"database"})
+
 
 # --- campaign.toml ----------------------------------------------------------------------------------
 

@@ -48,7 +48,7 @@ class Campaign:
 
     def power_up(self, bench: Bench) -> None:
         """Switched on, which is in the database before it is done."""
-        self.store.benches.energise(self.job.bench.name, self.job.bench.model_dump(mode="json"))
+        self.store.benches.energise(self.job.bench.name, self.job.bench.settings())
         bench.power_up()
 
     def off_in_between(self, bench: Bench) -> PowerOffReport:
