@@ -123,6 +123,9 @@ class LimitsConfig(Section):
     power_step_W: Positive = Field(default=500.0, description="largest change of the load's power at once")
     safe_voltage_V: Positive = Field(default=60.0, description="discharged is below this, input and output")
     discharge_s: Positive = Field(default=30.0, description="longest time that the discharge may take")
+    again_s: NotNegative = Field(
+        default=10.0, description="real time in which failed steps of a power-off are tried again"
+    )
 
 
 class ConverterConfig(Section):
@@ -302,7 +305,7 @@ class CampaignConfig(Section):
 
 # --- reading ----------------------------------------------------------------------------------------
 
-SectionT = TypeVar("SectionT", bound=Section)
+SectionT = TypeVar("SectionT", bound=BaseModel)
 
 
 def read_bench(path: Path) -> BenchConfig:

@@ -268,7 +268,8 @@ class Bench:
         """PWM, load, supply, discharge; each seen off. Never raises for a part that fails."""
         self._power_W, self._pwm, self._powered = 0.0, False, False
         instruments = {name: getattr(self._of, name) for name in NAMES}
-        return power_off(off_steps(self.config, instruments, self.clock))
+        steps = off_steps(self.config, instruments, self.clock)
+        return power_off(steps, again_s=self.config.limits.again_s)
 
     def _refuse(self, row: PlannedPoint) -> None:
         limit_W = self.config.limits.power_W

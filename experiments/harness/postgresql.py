@@ -13,8 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
-from sqlalchemy import create_engine, text
-
 DEBIAN = "/usr/lib/postgresql/*/bin/initdb"
 ROLE = "d2ea"
 START_S = 60
@@ -24,7 +22,7 @@ def programs() -> Path | None:
     """The folder with ``initdb`` and ``pg_ctl``; None where PostgreSQL is not installed."""
     found = shutil.which("initdb")
     if found:
-        return Path(found).parent
+        return Path(found).resolve().parent
     known = sorted(Path("/").glob(DEBIAN.lstrip("/")))
     return known[-1].parent if known else None
 
@@ -65,10 +63,7 @@ class Cluster:
     def new_database(self) -> str:
         """The URL of a fresh, empty database."""
         name = f"bench_{next(self._numbers)}"
-        admin = create_engine(self.url().replace("postgresql:", "postgresql+psycopg:", 1))
-        with admin.connect().execution_options(isolation_level="AUTOCOMMIT") as db:
-            db.execute(text(f"CREATE DATABASE {name}"))
-        admin.dispose()
+        self._call("createdb", "-h", str(self._folder), "-U", ROLE, name)
         return self.url(name)
 
     def close(self) -> None:
