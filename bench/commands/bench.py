@@ -137,7 +137,7 @@ def run(
         raise InputError.of(
             "command line", "--fault", str(fault), "faults are for --rehearse and for d2ea mock"
         )
-    with Store(database_url(db, config.database)) as store, _stop_on_signals():
+    with Store(database_url(db, config.database)) as store, stop_on_signals():
         store.benches.refuse(config.name)
         job = Job.prepare(read_campaign(campaign_file), config, file=str(campaign_file))
         stamp(config.virtual)
@@ -181,7 +181,7 @@ def resume(
 ) -> None:
     """Let a campaign go on: one that is paused, or one that stopped or died, from where the ledger stands."""
     config = None if bench_file is None else read_bench(bench_file)
-    with Store(database_url(db, config.database if config else None)) as store, _stop_on_signals():
+    with Store(database_url(db, config.database if config else None)) as store, stop_on_signals():
         row = _resumable(store, campaign_id)
         if row["is_live"]:
             store.ask(row["id"], None)
@@ -290,7 +290,7 @@ def on_signals(act: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def _stop_on_signals() -> Iterator[None]:
+def stop_on_signals() -> Iterator[None]:
     """The first signal ends the campaign, which powers off; later ones change nothing."""
     stopping = threading.Event()
 
