@@ -121,6 +121,10 @@ class LimitsConfig(Section):
     power_step_W: Positive = Field(default=500.0, description="largest change of the load's power at once")
     safe_voltage_V: Positive = Field(default=60.0, description="discharged is below this, input and output")
     discharge_s: Positive = Field(default=30.0, description="longest time that the discharge may take")
+    recover_s: NotNegative = Field(
+        default=60.0,
+        description="real time in which a lost instrument may come back; the bench is off meanwhile",
+    )
     again_s: NotNegative = Field(
         default=10.0, description="real time in which failed steps of a power-off are tried again"
     )

@@ -6,6 +6,7 @@ the one asked for at the power asked for: the converter is never asked for what 
 """
 
 import math
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -30,8 +31,7 @@ REACHED = 0.9  # of the target: the output carries load from here on
 HEADROOM = 1.25  # of the load's current at full power and target voltage
 BEATS_TRIED = 3  # the controller trips after four that it missed
 DEVICES_EVERY_S = 10.0  # of the clock: supply and load are asked for their states at least so often
-RECOVER_STEP_S = 10.0  # of the clock, between two tries to reach everything again
-RECOVER_TRIES = 6
+RECOVER_STEP_S = 0.5  # of real time, as for all that has to do with plugs
 NAMES = ("analyzer", "supply", "load", "controller")
 TEMPERATURES = ("T_ambient_C", "T_heatsink_C", "T_transformer_C", "T_inductor_C")
 
@@ -229,15 +229,16 @@ class Bench:
 
         The bench is off meanwhile. A port that has come back under another device path is found by its name.
         """
-        for attempt in range(1, RECOVER_TRIES + 1):
+        end = time.monotonic() + self.config.limits.recover_s
+        while True:
             try:
                 for name in NAMES:
                     self._same_as_before(name)
                 return
             except InstrumentError as error:
-                if attempt == RECOVER_TRIES or isinstance(error, IdentityError):
+                if time.monotonic() >= end or isinstance(error, IdentityError):
                     raise error from cause
-            self.clock.sleep(RECOVER_STEP_S)
+            time.sleep(RECOVER_STEP_S)
 
     def _same_as_before(self, name: str) -> None:
         identity, before = getattr(self._of, name).identify(), self._inspection.identities.get(name)

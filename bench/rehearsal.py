@@ -23,6 +23,7 @@ from drivers.mocks.faults import DATABASE, FaultFile, Struck
 from drivers.mocks.plant import Plant
 from drivers.mocks.rack import Rack
 
+AGAIN_S = 5.0  # real time that a mock instrument may be gone
 PATIENCE = {"timeout_s": 0.5, "lateness_s": 0.5}  # mocks are quick; faults that are late say how late
 
 
@@ -86,6 +87,7 @@ def rehearsed(bench: BenchConfig, rack: Rack) -> BenchConfig:
     ports = {name: dict(settings[name], **PATIENCE) for name in ("analyzer", "supply", "load", "controller")}  # type: ignore[call-overload]
     ports["controller"]["heartbeat_s"] = bench.controller.heartbeat_s
     ports["analyzer"]["update_s"] = bench.analyzer.update_s
-    own = {"limits": bench.limits.model_dump(), "converter": bench.converter.model_dump(exclude_none=True)}
+    limits = bench.limits.model_dump() | {"again_s": AGAIN_S, "recover_s": AGAIN_S}
+    own = {"limits": limits, "converter": bench.converter.model_dump(exclude_none=True)}
     name = {"name": f"rehearsal of {bench.name}", "virtual": True}
     return check({**name, **ports, **own}, BenchConfig, file="rehearsal")

@@ -102,6 +102,7 @@ class PtyServer:
         self._port: PtyPort | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        self._unplugged = False
 
     @property
     def path(self) -> str:
@@ -133,6 +134,10 @@ class PtyServer:
 
     def stop(self) -> None:
         """Hang up, wait for the thread, and close everything; harmless when not running."""
+        self._unplugged = False
+        self._hang_up()
+
+    def _hang_up(self) -> None:
         port, thread = self._port, self._thread
         if port is None or thread is None:
             return
@@ -149,9 +154,14 @@ class PtyServer:
         if self._port is None:
             return
         another = PtyPort()  # while the old one is still open: so it cannot have the old one's path
-        self.stop()
+        self._unplugged = True
+        self._hang_up()
         time.sleep(seconds)
-        self._serve_on(another)
+        if self._unplugged:  # nobody has stopped it for good meanwhile
+            self._unplugged = False
+            self._serve_on(another)
+        else:
+            another.close()
 
     def send(self, data: bytes) -> None:
         """Write bytes that nobody asked for (a late reply, garbage, a bridge); lost when not running."""
