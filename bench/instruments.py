@@ -70,6 +70,11 @@ class Bench:
         self._devices_asked_s = -math.inf
         self._last_read_s: dict[str, float] = {}
 
+    @property
+    def instruments(self) -> Instruments:
+        """The instruments themselves; they refuse what is outside the bench's limits, too."""
+        return self._of
+
     # --- before anything is switched on -----------------------------------------------------------
 
     def check(self) -> dict[str, str]:

@@ -120,6 +120,7 @@ class Injector:
     faults: Sequence[Fault]
     seed: int
     line: Line
+    listener: Callable[[bytes, bytes | None], object] | None = None  # hears every exchange, before any fault
     struck: list[Struck] = field(default_factory=list)
     exchanges: int = 0
     _armed: list[_Armed] = field(init=False)
@@ -133,6 +134,8 @@ class Injector:
 
     def tamper(self, request: bytes, reply: bytes | None) -> bytes | None:
         """What is really sent in the place of ``reply``."""
+        if self.listener is not None:
+            self.listener(request, reply)
         if reply is None or not self._armed:
             return reply
         with self._lock:
