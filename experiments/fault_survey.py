@@ -67,6 +67,7 @@ def run(settings: Settings) -> Result:
     """All of it; a smaller scale takes a seeded share of every row."""
     logging.getLogger("d2ea").setLevel(logging.CRITICAL)  # what goes wrong here is meant to
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
+    settings.out.mkdir(parents=True, exist_ok=True)
     countdown = Countdown(7, settings)
     kills = _kills(settings)
     countdown.finished(f"{sum(report.kills for report in kills)} kills")
@@ -181,11 +182,9 @@ def _goals(found: Survey) -> Iterator[Goal]:
     yield _most("commands outside the limits on a wire", sum(len(seen.beyond) for seen in found.wild), 0)
     yield _most("own time per point, 95th percentile, wall", _p95(times.wall_ms), MOST_MS, "ms")
     yield _most("own time per point, 95th percentile, processor", _p95(times.processor_ms), MOST_MS, "ms")
-    fine = sum(report.good for report in databases)
-    yield _least(
-        f"databases that failed: stopped safe, resumed (of {len(databases)})", fine, len(FAILURES) + 1
-    )
-    done = shared.done if shared else 0
+    fine, databases = sum(report.good for report in found.databases), len(found.databases)
+    yield _least(f"databases that failed: stopped safe, resumed (of {databases})", fine, len(FAILURES) + 1)
+    done = found.shared.done if found.shared else 0
     yield _least("benches that wrote one PostgreSQL at once, all rows there", done, BENCHES)
 
 
