@@ -13,7 +13,7 @@ from typer.main import get_command
 
 from bench.cli import build
 from bench.config import CampaignConfig, check
-from bench.tables import COLUMNS
+from bench.store import COLUMNS
 from bench.wording import MODEL_NAMES, VERDICTS
 from drivers.mocks.lab.hidden import HIDDEN
 from models.screening import KINDS, KNOWN_COLUMNS
@@ -172,11 +172,14 @@ def where(names: set[str]) -> set[str]:
 
 
 def test_only_the_transport_opens_connections() -> None:
-    assert where({"serial_for_url", "Serial", "create_connection"}) == {"drivers/transport.py"}
+    assert where({"serial_for_url", "Serial", "create_connection"}) == {
+        "drivers/tcp_port.py",
+        "drivers/transport.py",
+    }
 
 
 def test_only_the_store_writes_to_the_database() -> None:
-    assert where({"create_engine"}) == {"bench/store.py"}
+    assert where({"create_engine"}) == {"bench/store/database.py"}
 
 
 def test_files_stay_short() -> None:
