@@ -7,6 +7,7 @@ import numpy as np
 
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
+from experiments.blind.reach import hideable
 from experiments.blind.seeds import Seeds
 from experiments.blind.trial import NOISES, BlindTrial
 from sim.effects.catalogue import CATALOGUE
@@ -23,11 +24,6 @@ TIED_PAIRS = (
     ("cable_resistance_input", "cable_resistance_output"),
     ("thermal_resistance", "sic_on_resistance"),
 )
-
-
-def hideable() -> list[str]:
-    """Effects that are in the catalogue and that a lab can hide, in the catalogue's order."""
-    return [name for name in CATALOGUE if name in HIDDEN]
 
 
 def log_uniform(drawn: tuple[float, float], rng: np.random.Generator) -> float:

@@ -26,6 +26,7 @@ from drivers.mocks.lab.hidden import HIDDEN, hide
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import Schedule, schedule, settle, survey
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
+from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import simulate
@@ -45,6 +46,11 @@ _ROOT_3, _UPDATES = 3**0.5, 8
 # noise of one row, of reading: the input's and the output's (efficiency is judged), current, ac power
 _NOISE = {"P1_W": 1.4e-4, "I_L_rms_A": 2e-4, "P_link1_W": 4e-4, "P_link2_W": 4e-4}
 _RESOLUTION = {"D0": 1 / 2500 / 12**0.5, "T_heatsink_C": 0.1, "T_transformer_C": 0.1, "T_inductor_C": 0.1}
+
+
+def hideable() -> list[str]:
+    """Effects that are in the catalogue and that a lab can hide, in the catalogue's order."""
+    return [name for name in CATALOGUE if name in HIDDEN]
 
 
 def design(seed: int, points: int = POINTS) -> Schedule:
@@ -125,8 +131,8 @@ def reach_of(seed: int, points: int = POINTS) -> Reach:
     return reach(design(seed, points))
 
 
-def reach(plan: Schedule) -> Reach:
-    """The reach of any schedule."""
+def reach(plan: Schedule, names: Sequence[str] | None = None) -> Reach:
+    """The reach of any schedule, among all effects or those named."""
     lab = Laboratory.nominal().without_noise()
     origin = settle(lab, plan)
     base_table = survey(lab, plan, seed=0, samples=1, settled=origin)
@@ -142,7 +148,7 @@ def reach(plan: Schedule) -> Reach:
     nuisance.append(_laws(base, base_table))
     effects = {
         name: np.stack([moved(hiding(lab, {name: value})) for value in entry.drawn])
-        for name, entry in HIDDEN.items()
+        for name, entry in ((name, HIDDEN[name]) for name in names or hideable())
     }
     return Reach(index=base.index, sigma=_noise(base), nuisance=np.stack(nuisance), effects=effects)
 

@@ -23,9 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from bench.training import simulated_table
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import Schedule, noise_free_efficiency, schedule, survey
-from experiments.blind.draws import hideable
 from experiments.blind.part import Outcome, Part, Run
-from experiments.blind.reach import reach
+from experiments.blind.reach import hideable, reach
 from experiments.blind.seeds import Seeds
 from experiments.blind.trial import BlindTrial
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
