@@ -5,7 +5,7 @@ space, standby and no load, the ten rows that raise the pair's isolability most,
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -28,36 +28,49 @@ from models.diagnosis.diagnose import diagnose
 
 TIED, MOST_ROWS = 120, 10
 _LATTICE_SEED, _LATTICE = 17, 120
-_COLUMNS = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency", "time_s"]
+_COLUMNS = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency", "time_s", "T_ambient_C"]
 _SET_POINT = re.compile(r"D1\s*=\s*([0-9.]+).*?D2\s*=\s*([0-9.]+).*?([0-9.]+)\s*W\b")
+_WARMER = re.compile(r"warm the room by ([0-9.]+) K")
 _AFTER_S = 3600.0  # the proposed rows are another session
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:
-    """What an action of the answer asks for: rows for the bench, or a channel that is missing."""
+    """What a proposed step asks for: a row for the bench, so often and so much warmer, or a missing channel.
+
+    Both are None for what this bench cannot do: swapping leads, another dead time, four wires.
+    """
 
     plan: Schedule | None = None
+    repeats: int = 1
+    warmer_K: float = 0.0
     channel: str | None = None
 
 
-def understood(action: str) -> Proposal:
-    """An action's words as a bench would take them.
+def understood(step: Mapping[str, Any]) -> Proposal:
+    """A step as a bench would take it.
 
-    >>> understood("add the channel P_link1_W").channel
+    >>> understood({"action": "measure P_link1_W too"}).channel
     'P_link1_W'
-    >>> understood("measure D1 = 0.820, D2 = 0.100, 900 W again").plan.power_W
+    >>> understood({"action": "measure D1 = 0.820, D2 = 0.100, 900 W again"}).plan.power_W
     array([900.])
     """
-    if found := _SET_POINT.search(action):
-        D1, D2, power_W = (np.array([float(text)]) for text in found.groups())
-        return Proposal(plan=_bare(schedule(D1, D2, power_W, standby=0, no_load=0), "load"))
+    action, repeats = str(step["action"]), int(step.get("repeats", 1))
+    missing = [name for name in CHANNELS[1:] if name in action]
+    if missing:
+        return Proposal(channel=missing[0])
     words = action.lower().replace("-", "_").replace(" ", "_")
     for kind in ("standby", "no_load"):
         if kind in words:
             one = schedule(np.array([0.8]), np.array([0.0]), np.array([200.0]), standby=1, no_load=1)
-            return Proposal(plan=_bare(one, kind))
-    return Proposal(channel=next((name for name in CHANNELS if name in action), None))
+            return Proposal(plan=_bare(one, kind), repeats=repeats)
+    warmer = _WARMER.search(action)
+    found = _SET_POINT.search(action)
+    if found is None or not (warmer or action.startswith("measure")):
+        return Proposal()
+    D1, D2, power_W = (np.array([float(text)]) for text in found.groups())
+    plan = _bare(schedule(D1, D2, power_W, standby=0, no_load=0), "load")
+    return Proposal(plan=plan, repeats=repeats, warmer_K=float(warmer[1]) if warmer else 0.0)
 
 
 def _bare(plan: Schedule, kind: str) -> Schedule:
@@ -84,13 +97,17 @@ class Bench:
         loaded = table[table["kind"].isin(("load", "reference"))]
         return cls(trial, loaded[_COLUMNS])
 
-    def carry_out(self, plan: Schedule) -> None:
-        """Measure one more row."""
-        self.added += 1
-        start_s = float(self.table["time_s"].max()) + _AFTER_S
-        later = replace(plan, time_s=plan.time_s + start_s)
-        more = survey(laboratory(self.trial), later, seed=self.trial.seed + 1_000_000 * self.added)
-        self.table = pd.concat([self.table, more[_COLUMNS]], ignore_index=True)
+    def carry_out(self, step: Proposal) -> None:
+        """Measure its rows, as many as are left to measure."""
+        assert step.plan is not None
+        lab = laboratory(self.trial)
+        lab = replace(lab, quirks=replace(lab.quirks, warmer_K=step.warmer_K))
+        for _ in range(min(step.repeats, MOST_ROWS - self.added)):
+            self.added += 1
+            start_s = float(self.table["time_s"].max()) + _AFTER_S
+            later = replace(step.plan, time_s=step.plan.time_s + start_s)
+            more = survey(lab, later, seed=self.trial.seed + 1_000_000 * self.added)
+            self.table = pd.concat([self.table, more[_COLUMNS]], ignore_index=True)
 
     def diagnosed(self) -> dict[str, Any]:
         """The JSON answer to what was measured so far."""
@@ -108,13 +125,13 @@ def ask_tied(trial: BlindTrial) -> dict[str, Any]:
     plain = bench.diagnosed()
     first = plain["verdict"]
     while not _settled(trial, plain) and bench.added < MOST_ROWS:
-        proposals = [understood(step["action"]) for step in plain["next"]]
+        proposals = [understood(step) for step in plain["next"]]
         channels += [p.channel for p in proposals if p.channel]
-        plans = [p.plan for p in proposals if p.plan is not None]
-        if not plans:
+        feasible = [p for p in proposals if p.plan is not None]
+        if not feasible:
             break
-        for plan in plans[: MOST_ROWS - bench.added]:
-            bench.carry_out(plan)
+        for step in feasible:
+            bench.carry_out(step)
         plain = bench.diagnosed()
     possible, needed = _possible(trial)
     return {

@@ -216,14 +216,23 @@ def test_a_diagnosis_that_gives_up_is_no_answer(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize(
-    ("action", "kind"),
-    [("standby", "standby"), ("no_load", "no_load"), ("measure D1 = 0.8, D2 = 0.1, 900 W again", "load")],
+    ("action", "kind", "warmer_K"),
+    [
+        ("standby", "standby", 0.0),
+        ("no_load", "no_load", 0.0),
+        ("measure D1 = 0.8, D2 = 0.1, 900 W", "load", 0.0),
+        ("warm the room by 15 K and measure D1 = 0.8, D2 = 0.1, 900 W", "load", 15.0),
+    ],
 )
-def test_a_proposed_action_becomes_one_row(action: str, kind: str) -> None:
-    plan = understood(action).plan
-    assert plan is not None
-    assert plan.kind.tolist() == [kind]
+def test_a_proposed_step_becomes_a_row(action: str, kind: str, warmer_K: float) -> None:
+    step = understood({"action": action, "repeats": 2})
+    assert step.plan is not None
+    assert (step.plan.kind.tolist(), step.repeats, step.warmer_K) == ([kind], 2, warmer_K)
 
 
-def test_a_missing_channel_is_understood() -> None:
-    assert understood("wire analyzer element 3: P_link1_W").channel == "P_link1_W"
+def test_a_missing_channel_is_understood_and_what_this_bench_cannot_do_is_left() -> None:
+    said = (
+        "no point will do with the channels measured: measure P_link1_W too; measure D1 = 0.8, D2 = 0.1, 90 W"
+    )
+    assert understood({"action": said}).channel == "P_link1_W"
+    assert understood({"action": "swap the two elements at D1 = 0.8, D2 = 0.1, 900 W"}).plan is None

@@ -107,7 +107,8 @@ class Laboratory:
 
     def ambient_C(self, time_s: Array | float) -> Array:
         """The room's temperature."""
-        return np.asarray(AMBIENT_C + self.quirks.ambient_K_per_h * np.asarray(time_s) / 3600)
+        start_C = AMBIENT_C + self.quirks.warmer_K
+        return np.asarray(start_C + self.quirks.ambient_K_per_h * np.asarray(time_s) / 3600)
 
     def cold(self, ambient_C: Array) -> Heat:
         """Everything at ambient."""
@@ -205,7 +206,7 @@ class Laboratory:
     def _with_junctions(
         self, losses: LabLosses, heatsink_C: Array, inductor_C: Array, transformer_C: Array
     ) -> Heat:
-        primary = self.converter.primary
+        primary = self.converter.three_level
         rise = {
             "outer": primary.outer.thermal_K_per_W,
             "inner": primary.inner.thermal_K_per_W,
