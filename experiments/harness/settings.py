@@ -25,11 +25,15 @@ def silent(_: Step) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """``scale`` thins an experiment (1 is all of it), ``out`` is its folder, ``now`` a clock in seconds."""
+    """``scale`` thins an experiment (1 is all of it), ``out`` is its folder, ``now`` a clock in seconds.
+
+    ``only`` names the parts of it to run; empty for all.
+    """
 
     out: Path
     scale: float = 1.0
     processes: int = 2
+    only: tuple[str, ...] = ()
     watch: Watch = silent
     now: Callable[[], float] = time.perf_counter
 
