@@ -53,9 +53,8 @@ class Refinery:
             between = self.geometry.between_spreads
             inner = np.eye(own.size) - between[np.ix_(own, own)]
             onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]
-        state = np.clip(onto[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
-        state[own] = 0.0
-        return np.asarray(state)
+        onto[own] = 0.0
+        return np.clip(onto[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
 
     def model(self, fit: Fit, spreads: Array) -> Model:
         """The baseline with these spreads and the fit's effects."""
