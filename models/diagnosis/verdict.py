@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 SURE = 0.95
 _UNEXPLAINED = 4.0  # chi-squared per reading: noise that is understated by half leaves 2.3
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
+_ABOVE_LEFTOVER = 2.0  # times the leftover's length
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
@@ -66,6 +67,11 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
 
 
+def _length(cause: Cause, whitener: Whitener) -> float:
+    """How many sigmas a cause's shift is long."""
+    return isolability(cause.shift, np.zeros_like(cause.shift), whitener)
+
+
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     """Every cause with its probability, most probable first."""
     best: dict[str, Fit] = {}
@@ -90,7 +96,7 @@ def _tie_group(
 
     A cause that the design cannot tell from nothing has no group: everything would be in it.
     """
-    if isolability(first.shift, np.zeros_like(first.shift), whitener) < _TIED_BELOW:
+    if _length(first, whitener) < _TIED_BELOW:
         return ()
     group = [first.effect]
     for other in rivals:
@@ -101,8 +107,13 @@ def _tie_group(
     return tuple(group) if _any_of(hypotheses, group) >= SURE else ()
 
 
-def judge(hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 1.0) -> Verdict:
+def judge(
+    hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 1.0, leftover: float = 0.0
+) -> Verdict:
     """The verdict of a posterior.
+
+    ``leftover`` is the length in sigmas of what is probably left over, 0 where nothing is. A cause is stated beside it
+    only if its own is well above: what nobody has thought of looks a little like something.
 
     ``misfit`` is the chi-squared per reading that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed.
@@ -111,8 +122,9 @@ def judge(hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 
     nothing = sum(h.probability for h in bare if h.leftover is None)
     nameless = sum(h.probability for h in bare if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
-    named = tuple(c.effect for c in causes if c.probability >= SURE)
-    rest = [c for c in causes if c.effect not in named]
+    large = [c for c in causes if _length(c, whitener) >= _ABOVE_LEFTOVER * leftover]
+    named = tuple(c.effect for c in large if c.probability >= SURE)
+    rest = [c for c in large if c.effect not in named]
     group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest else ()
     if named or group:
         kind = "named" if named else "group"

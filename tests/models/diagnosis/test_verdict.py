@@ -27,13 +27,13 @@ def _leftover(amplitude_W: float) -> Leftover | None:
     return Leftover(location="input", amplitude_W=amplitude_W, columns=np.arange(0)) if amplitude_W else None
 
 
-def judged(*entries: Entry, misfit: float = 1.0) -> Verdict:
+def judged(*entries: Entry, misfit: float = 1.0, leftover: float = 0.0) -> Verdict:
     """The verdict over (effects or None, shift, leftover in W, probability), in any order."""
     hypotheses = [
         Hypothesis(fit=_fit(effects, shift), leftover=_leftover(amplitude), probability=probability)
         for effects, shift, amplitude, probability in entries
     ]
-    return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER, misfit)
+    return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER, misfit, leftover)
 
 
 def test_identical_shifts_cannot_be_told_apart() -> None:
@@ -119,3 +119,10 @@ def test_what_cannot_be_told_from_nothing_has_no_group() -> None:
     verdict = judged(("auxiliary_power", faint, 0.0, 0.5), ("gate_delay_skew", faint, 0.0, 0.48),
                      (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
     assert (verdict.kind, verdict.groups) == ("unknown", ())
+
+
+def test_a_cause_that_is_small_beside_what_is_left_over_is_not_named() -> None:
+    entries = (("link_resistance", ALONG, 1.5, 0.99), (None, 0 * ALONG, 5.0, 0.01))
+    length = 30.0 / SIGMA
+    assert judged(*entries, leftover=0.3 * length).kind == "named"
+    assert judged(*entries, leftover=0.8 * length).kind == "unknown"
