@@ -16,7 +16,7 @@ from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import NextMeasurement, next_measurements, rivals_of
 from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, plausible
+from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.signatures import power_to_spare, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
@@ -248,12 +248,12 @@ def diagnose(
         )
     check_inputs(observations, baseline.converter)
     check_set_points(observations, baseline)
-    observations, rejected_columns = plausible(observations, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
     whole, spare = observations, power_to_spare(observations, baseline)
     observations = observations.take(spare)
     known = signatures(observations, baseline, left_out)
-    kept = known.finite()
+    wrong, rejected_columns = implausible(observations, known.baseline)
+    kept = known.finite() & ~wrong
     observations, known = observations.take(kept), known.take(kept)
     rejected = _edge_rows(whole, observations)
     usable = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
