@@ -40,9 +40,8 @@ class Cause:
 
     @property
     def shift(self) -> Array:
-        """What the cause alone adds to the prediction, (M,): the whole fit's shift less the others' lines."""
-        others = (t for t in self.fit.terms if t.effect != self.effect)
-        return np.asarray(self.fit.shift - sum(t.slope * t.distance for t in others))
+        """What the cause adds to the prediction, (M,): simulated where it is alone, else along its slope."""
+        return self.fit.shift if len(self.fit.terms) == 1 else self.term.slope * self.term.distance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +64,6 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
     both = np.stack([a, b])
     (aa, ab), (_, bb) = both @ whitener.solve(both.T)
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
-
-
-def _length(cause: Cause, whitener: Whitener) -> float:
-    """How many sigmas a cause's shift is long."""
-    return isolability(cause.shift, np.zeros_like(cause.shift), whitener)
 
 
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
@@ -96,7 +90,7 @@ def _tie_group(
 
     A cause that the design cannot tell from nothing has no group: everything would be in it.
     """
-    if _length(first, whitener) < _TIED_BELOW:
+    if isolability(first.shift, np.zeros_like(first.shift), whitener) < _TIED_BELOW:
         return ()
     group = [first.effect]
     for other in rivals:
@@ -113,22 +107,30 @@ def judge(
     """The verdict of a posterior.
 
     ``leftover`` is the length in sigmas of what is probably left over, 0 where nothing is. A cause is stated beside it
-    only if its own is well above: what nobody has thought of looks a little like something.
+    only if its value is further from off than that, well above: what nobody has thought of looks a little like
+    something.
 
     ``misfit`` is the chi-squared per reading that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed.
     """
     bare = [h for h in hypotheses if not h.fit.terms]
     nothing = sum(h.probability for h in bare if h.leftover is None)
+    ordinary = sum(
+        h.probability
+        for h in hypotheses
+        if h.leftover is None and not any(t.beyond_everyday for t in h.fit.terms)
+    )
     nameless = sum(h.probability for h in bare if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
-    large = [c for c in causes if _length(c, whitener) >= _ABOVE_LEFTOVER * leftover]
+    large = [
+        c for c in causes if c.term.significance >= _ABOVE_LEFTOVER * leftover and c.term.beyond_everyday
+    ]
     named = tuple(c.effect for c in large if c.probability >= SURE)
     rest = [c for c in large if c.effect not in named]
     group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest else ()
     if named or group:
         kind = "named" if named else "group"
-    elif nothing >= 1 - SURE and nothing >= nameless and misfit <= _UNEXPLAINED:
+    elif ordinary >= 1 - SURE and ordinary >= nameless and misfit <= _UNEXPLAINED:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"

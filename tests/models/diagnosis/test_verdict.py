@@ -8,7 +8,8 @@ from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.verdict import Verdict, isolability, judge
-from tests.models.diagnosis.fabricated import joint_fit
+from sim.effects.catalogue import CATALOGUE
+from tests.models.diagnosis.fabricated import fit_of, joint_fit
 
 SIGMA = 0.5
 WHITENER = Whitener.of(SIGMA**2 * np.eye(4))
@@ -123,6 +124,13 @@ def test_what_cannot_be_told_from_nothing_has_no_group() -> None:
 
 def test_a_cause_that_is_small_beside_what_is_left_over_is_not_named() -> None:
     entries = (("link_resistance", ALONG, 1.5, 0.99), (None, 0 * ALONG, 5.0, 0.01))
-    length = 30.0 / SIGMA
-    assert judged(*entries, leftover=0.3 * length).kind == "named"
-    assert judged(*entries, leftover=0.8 * length).kind == "unknown"
+    significance = 1.0 / 0.1  # the made-up fits' value over their sigma
+    assert judged(*entries, leftover=0.3 * significance).kind == "named"
+    assert judged(*entries, leftover=0.8 * significance).kind == "unknown"
+
+
+def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
+    head = CATALOGUE["fan_step"].headline
+    for tolerances, kind in ((1.0, "consistent"), (5.0, "named")):
+        fit = fit_of("fan_step", ALONG, value=head.off + tolerances * head.tolerance)
+        assert judge([Hypothesis(fit=fit, leftover=None, probability=1.0)], WHITENER).kind == kind
