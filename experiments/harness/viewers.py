@@ -60,7 +60,9 @@ class Viewer:
 
 
 @contextmanager
-def watching(address: str, count: int, now: Callable[[], float] = time.perf_counter) -> Iterator[list[Viewer]]:
+def watching(
+    address: str, count: int, now: Callable[[], float] = time.perf_counter
+) -> Iterator[list[Viewer]]:
     """So many viewers of a page, in a thread of their own."""
     viewers = [Viewer(address=address, now=now) for _ in range(count)]
     loop = asyncio.new_event_loop()
