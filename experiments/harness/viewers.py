@@ -14,6 +14,7 @@ import aiohttp
 import socketio
 
 _QUERY = re.compile(r"query: (\{.*?\}),\n", re.DOTALL)
+_PAIR = re.compile(r"""['"](\w+)['"]:\s*['"]?([^'",}]+)['"]?""")
 _DONE = re.compile(r'data-done=\\?"(\d+)\\?"')
 PATH = "/_nicegui_ws/socket.io"
 
@@ -37,7 +38,8 @@ class Viewer:
         found = _QUERY.search(page)
         if found is None:
             raise RuntimeError(f"{self.address} is no page of the dashboard: {page[:200]!r}")
-        query = json.loads(found[1]) | {"tab_id": str(uuid.uuid4()), "document_id": str(uuid.uuid4())}
+        given = dict(_PAIR.findall(found[1]))  # names in quotes, values as they come
+        query = given | {"tab_id": str(uuid.uuid4()), "document_id": str(uuid.uuid4())}
         query |= {"implicit_handshake": "true"}
         self._client = socketio.AsyncClient(http_session=self._session)
         self._client.on("*", self._take)
