@@ -37,10 +37,7 @@ class Address:
         """An open socket; InputError when the address cannot be had."""
         try:
             family = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)[0][0]
-            found = socket.socket(family, socket.SOCK_STREAM)
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            found.bind((self.host, self.port))
-            found.listen()  # who is told the address can connect to it
+            return socket.create_server((self.host, self.port), family=family)
         except OSError as error:
             raise InputError.of(
                 "command line",
@@ -48,11 +45,11 @@ class Address:
                 f"{self.host}:{self.port}",
                 f"cannot be listened on: {error}",
             ) from error
-        return found
 
 
 def serve(desk: Desk, door: Door, address: Address, *, said: Callable[[str], None]) -> None:
     """Serve until the process is asked to end; ``said`` gets the URL once it can be opened."""
+    listening = address.listen()
     server = FastAPI(openapi_url=None)
     _sign_in(server, door)
     _downloads(server, desk)
@@ -67,7 +64,6 @@ def serve(desk: Desk, door: Door, address: Address, *, said: Callable[[str], Non
         reconnect_timeout=RECONNECT_S,
         show_welcome_message=False,
     )
-    listening = address.listen()
     host, port = listening.getsockname()[:2]
     said(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
     config = uvicorn.Config(Guard(server, door), log_level="warning", ws="websockets-sansio", lifespan="on")
