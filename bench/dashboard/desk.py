@@ -10,7 +10,7 @@ from nicegui import ui
 
 from bench.dashboard.asking import Request, ask
 from bench.dashboard.render import css, piece
-from bench.dashboard.view import banner
+from bench.dashboard.view import banner, lab_of
 from bench.dashboard.watcher import Watcher
 from bench.errors import BenchError
 from models.registry import Registry
@@ -24,10 +24,12 @@ PAGES = {
     "/models": "Models",
     "/optimum": "Optimum",
 }
-VIRTUAL = (
-    '<div class="virtual" role="note"><strong>VIRTUAL LAB</strong> mock instruments, simulated converter: nothing '
-    "here was measured on hardware</div>"
-)
+_LABEL = '<div class="virtual" role="note"><strong>VIRTUAL LAB</strong> {}</div>'
+LABELS = {
+    "hardware": "",
+    "virtual": _LABEL.format("mock instruments, simulated converter: nothing here was measured on hardware"),
+    "both": _LABEL.format("some of these campaigns: the list of campaigns says which"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,9 +120,8 @@ def frame(desk: Desk, path: str) -> Iterator[Callable[[Callable[[], None]], None
 
         def refresh_frame() -> None:
             overview = desk.watcher.overview
-            some = any(row["virtual"] for row in overview.campaigns)
-            if bool(label.content) != some:
-                label.set_content(VIRTUAL if some else "")
+            if label.content != (text := LABELS[lab_of(overview)]):
+                label.set_content(text)
             problem.show(overview.problem)
             shown = banner(overview)
             top.show(shown)

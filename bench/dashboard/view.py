@@ -108,6 +108,12 @@ def banner(overview: Overview) -> Banner:
     )
 
 
+def lab_of(overview: Overview) -> str:
+    """Where the campaigns come from: ``virtual``, ``hardware``, or ``both``; hardware while there is none."""
+    labs = {"virtual" if row["virtual"] else "hardware" for row in overview.campaigns}
+    return "both" if len(labs) > 1 else next(iter(labs), "hardware")
+
+
 def _banner_of(bench: BenchRow, overview: Overview) -> Banner:
     row = overview.campaign(bench.campaign_id) if bench.campaign_id is not None else None
     if bench.state is BenchState.UNSAFE:
