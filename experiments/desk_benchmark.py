@@ -58,13 +58,16 @@ MEASURED, LONG, FOLLOWED, VIEWERS = 1000, 10_000, 30, 8
 CAMPAIGN_ROWS, ROUNDS = 24, 3
 RETRAIN_BAR_S, PAGE_BAR_S, POINT_BAR_S, COST_BAR = 5.0, 2.0, 1.0, 0.02
 BENCH = "benchmark bench"
+MEMORY = Path(
+    "/dev/shm"
+)  # where there is one: ten thousand rows are fifty thousand commits, each waiting for a disk
 
 
 def run(settings: Settings) -> Result:
     """All of it; ``scale`` thins measured rows, the long campaign and the rounds."""
     countdown = Countdown(4, settings)
     settings.out.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=settings.out) as name:
+    with TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else settings.out) as name:
         folder = Path(name)
         retraining, retrain_goal = _retraining(settings, folder)
         countdown.finished("retraining")
