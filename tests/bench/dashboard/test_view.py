@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from bench.dashboard import view
+from bench.dashboard.rows import NO_ROWS
 from bench.dashboard.watcher import Feed, Watcher
 from bench.states import State
 from bench.store import Store
@@ -109,7 +110,7 @@ def test_the_gap_is_off_beyond_its_uncertainty_only(store: Store) -> None:
     shown = view.gap(feed.rows)
     assert (shown.level, shown.points) == ("off", 3)
     assert shown.mean == "−0.933"
-    assert view.gap(()).level == "nothing"
+    assert view.gap(NO_ROWS).level == "nothing"
 
 
 def test_what_happened_leaves_out_the_steps_of_points(store: Store) -> None:

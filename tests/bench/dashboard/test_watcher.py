@@ -27,7 +27,7 @@ def test_each_judged_row_is_read_once_and_in_order() -> None:
             watcher.look()
             feed = watcher.feed(campaign)
             assert feed is not None
-            assert [row["P_set_W"] for row in feed.rows] == [300.0 + 200.0 * k for k in range(number + 1)]
+            assert feed.rows.P_set_W.tolist() == [300.0 + 200.0 * k for k in range(number + 1)]
 
 
 def test_nothing_new_is_the_same_object() -> None:
