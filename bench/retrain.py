@@ -1,9 +1,10 @@
 """Automatic retraining: new measurements → candidate → judged on blocks that nobody saw → promoted or kept out.
 
-The candidate is fitted to the accepted rows outside the held-out blocks (:mod:`models.held_blocks`) and judged on
-those inside, against the model in use and against the simulation itself, on the same rows: those that the model in
-use was not fitted to either. It is promoted when its mean absolute error is not larger than theirs; what was judged
-is what is used, no refit follows. Either way the decision and its reason go into the journal.
+A candidate of each kind (D²EA; the simulator itself with trees for the gap) is fitted to the accepted rows outside the
+held-out blocks (:mod:`models.held_blocks`). Those inside judge: the better candidate against the model in use and against
+the simulation itself, on rows that the model in use was not fitted to either. It is promoted when its mean absolute error
+is not larger than theirs; what was judged is what is used, no refit follows. Either way the decision and its reason go
+into the journal.
 
 Nothing here touches a bench: it reads the database beside a campaign, which never waits for it.
 """
@@ -65,12 +66,12 @@ class Retraining:
 
 @dataclass(frozen=True, kw_only=True)
 class Retrainer:
-    """Retrains one kind of model in one registry, against one simulator."""
+    """Retrains the models of one registry, against one simulator."""
 
     registry: Registry
     simulator: Model
     now: Callable[[], str]
-    kind: str = D2EA
+    kinds: tuple[str, ...] = KINDS  # of candidates; the best of them is judged against its rivals
     shape: tuple[int, int, int] = (25, 25, 20)  # of the simulated grid: D1, D2, power
     loads_W: tuple[float, ...] = LOADS_W  # of the table
 
@@ -98,8 +99,8 @@ class Retrainer:
         sha = data_hash(data.rows, self.simulated)
         if said := self._not_yet(int((~held).sum()), int(unseen.sum()), sha):
             return Retraining(said=said)
-        candidate, judged = self._fit(data.rows[~held]), data.rows[unseen]
-        errors = errors_on(judged, {CANDIDATE: candidate, **self._rivals()})
+        judged = data.rows[unseen]
+        candidate, errors = self._best(data.rows[~held], judged)
         record = self._keep(
             candidate, data, held, sha=sha, metrics=_metrics(candidate, judged, errors[CANDIDATE])
         )
@@ -136,8 +137,16 @@ class Retrainer:
         seen = frozenset(self.registry.origin(used).fitted) if used else frozenset()
         return np.asarray(held & np.array([name not in seen for name in data.names]))
 
-    def _fit(self, measured: pd.DataFrame) -> StagedModel:
-        if self.kind == SIMULATOR_FIRST:
+    def _best(self, fitted: pd.DataFrame, judged: pd.DataFrame) -> tuple[StagedModel, dict[str, float]]:
+        """The candidate of the smallest error, and the errors of it and its rivals on the same rows."""
+        candidates = {kind: self._fit(kind, fitted) for kind in self.kinds}
+        errors = errors_on(judged, {**candidates, **self._rivals()})
+        best = min(candidates, key=lambda kind: errors[kind])
+        rivals = {name: error for name, error in errors.items() if name not in candidates}
+        return candidates[best], {CANDIDATE: errors[best], **rivals}
+
+    def _fit(self, kind: str, measured: pd.DataFrame) -> StagedModel:
+        if kind == SIMULATOR_FIRST:
             return train_simulator_first(efficiency_of(self.simulator), measured)
         return train_d2ea(self.simulated, measured)
 
