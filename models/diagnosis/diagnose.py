@@ -247,9 +247,10 @@ def diagnose(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
         )
     check_inputs(observations, baseline.converter)
-    check_set_points(observations, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
     whole, spare = observations, power_to_spare(observations, baseline)
+    if np.mean(spare) < 0.5:
+        check_set_points(observations, baseline)
     observations = observations.take(spare)
     known = signatures(observations, baseline, left_out)
     wrong, rejected_columns = implausible(observations, known.baseline)
