@@ -33,7 +33,7 @@ from bench.states import STOPPED, State, check_transition
 from bench.store import BenchState, Row, Session, Store
 from drivers.clock import Clock
 
-ASK_EVERY_S = 2.0  # of the clock: how often a request of the operator is looked for
+ASK_EVERY_S = 0.5  # of the clock: how often a request of the operator is looked for
 WAIT_STEP_S = 5.0  # of the clock: how long a wait goes on before requests are looked for
 
 OFF_TRIES = 3  # a signal may interrupt a power-off; it is then begun again

@@ -34,7 +34,7 @@ def build() -> typer.Typer:
     """The whole command line."""
     app = typer.Typer(
         no_args_is_help=True,
-        add_completion=False,
+        add_completion=True,
         pretty_exceptions_enable=False,
         help="A lab bench in software: measure, simulate, learn, optimise, and say what is wrong.",
     )

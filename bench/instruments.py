@@ -7,7 +7,7 @@ the one asked for at the power asked for: the converter is never asked for what 
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -28,6 +28,7 @@ PATIENCE = 4  # further updates asked for when one carries no data: two of a ran
 START_UP_S = 5.0  # within this the controller must have brought the output voltage up
 START_UP_STEP_S = 0.5
 REACHED = 0.9  # of the target: the output carries load from here on
+ATTEND_EVERY_S = 0.5  # of the clock: how long an operator waits to be heard at most
 HEADROOM = 1.25  # of the load's current at full power and target voltage
 BEATS_TRIED = 3  # the controller trips after four that it missed
 DEVICES_EVERY_S = 10.0  # of the clock: supply and load are asked for their states at least so often
@@ -124,12 +125,16 @@ class Bench:
             last_error=health.last_error,
         )
 
-    def wait(self, seconds: float) -> None:
-        """Let ``seconds`` pass on the bench's clock with the heartbeat kept up."""
-        end_s = self.clock.now() + seconds
+    def wait(self, seconds: float, attend: Callable[[], None] = lambda: None) -> None:
+        """Let ``seconds`` pass on the bench's clock with the heartbeat kept up; ``attend`` is called meanwhile."""
+        end_s = beat_s = self.clock.now()
+        end_s += seconds
         while (left_s := end_s - self.clock.now()) > 0:
-            self.clock.sleep(min(left_s, self.config.controller.heartbeat_s))
-            self.beat()
+            self.clock.sleep(min(left_s, ATTEND_EVERY_S, self.config.controller.heartbeat_s))
+            attend()
+            if self.clock.now() - beat_s >= self.config.controller.heartbeat_s or self.clock.now() >= end_s:
+                self.beat()
+                beat_s = self.clock.now()
 
     def sample(self) -> Sample:
         """A fresh update of every channel; LimitReached when it is outside the limits, or incomplete."""
@@ -268,7 +273,7 @@ class Bench:
             self._unload()
             return applied
         self._draw(row.power_W)
-        return self._of.controller.set_modulation(row.D1, row.D2)
+        return self._modulate(row)
 
     def power_off(self) -> PowerOffReport:
         """PWM, load, supply, discharge; each seen off. Never raises for a part that fails."""
@@ -284,6 +289,10 @@ class Bench:
                 f"set point D1 = {row.D1:g}, D2 = {row.D2:g}, {row.power_W:g} W is outside the limits: "
                 f"D1 and D2 from 0 to 1, power from 0 to {limit_W:g} W"
             )
+
+    def _modulate(self, row: PlannedPoint) -> Applied:
+        """The modulation of a row, with its power already drawn."""
+        return self._of.controller.set_modulation(row.D1, row.D2)
 
     def _unload(self) -> None:
         self._of.load.off()

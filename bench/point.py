@@ -128,7 +128,7 @@ class PointRunner:
         self._of.reporter.phase("settling", point_id)
         settled = settle(
             take,
-            bench.wait,
+            lambda seconds: bench.wait(seconds, self._of.attend),
             job.campaign.settling,
             power_W=job.bench.limits.power_W,
             told=self._of.reporter.settles,

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -44,14 +45,27 @@ def experiment(
     scale: Annotated[float | None, typer.Option(metavar="SHARE", help="of all trials and points")] = None,
     out_folder: Annotated[Path, typer.Option("--out", metavar="DIR")] = DEFAULT_FOLDER,
     processes: Annotated[int, typer.Option(min=1, help="trials side by side")] = 2,
+    reference: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="other people's points, for simulator_benchmark")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PART", help="of an experiment that has parts; may be repeated"),
+    ] = None,
 ) -> None:
     """Run an experiment: print its tables, and write DIR/NAME.json and DIR/NAME.html."""
     if name == "list":
         _list()
         return
-    share = _scale(quick, scale)
+    settings = Settings(
+        out=out_folder,
+        scale=_scale(quick, scale),
+        processes=processes,
+        reference=reference,
+        only=tuple(only or ()),
+    )
     for chosen in names() if name == "all" else [name]:
-        _run(_entry(chosen), share, out_folder, processes)
+        _run(_entry(chosen), settings)
 
 
 def _list() -> None:
@@ -75,17 +89,24 @@ def _scale(quick: bool, scale: float | None) -> float:
     return chosen
 
 
-def _run(found: Entry, scale: float, folder: Path, processes: int) -> None:
+def _run(found: Entry, settings: Settings) -> None:
     start_s = time.perf_counter()
+    _check_parts(found, settings.only)
     with _watching(found.name) as watch:
-        settings = Settings(out=folder, scale=scale, processes=processes, watch=watch)
-        result = found.experiment.run(settings)
+        result = found.experiment.run(replace(settings, watch=watch))
     seconds = time.perf_counter() - start_s
     created = datetime.now(UTC).isoformat(timespec="seconds")
-    page = Page(entry=found, result=result, scale=scale, seconds=seconds, created=created)
-    written = page.write(folder)
+    page = Page(entry=found, result=result, scale=settings.scale, seconds=seconds, created=created)
+    written = page.write(settings.out)
     _print_result(found.experiment.title, result)
     out.print(escape(f"{duration(seconds)}; written to {' and '.join(map(str, written))}"))
+
+
+def _check_parts(found: Entry, only: tuple[str, ...]) -> None:
+    parts = found.experiment.parts
+    if wrong := [name for name in only if name not in parts]:
+        allowed = f"one of {', '.join(parts)}" if parts else f"{found.name} has no parts"
+        raise InputError.of("command line", "--only", wrong[0], allowed)
 
 
 def _print_result(title: str, result: Result) -> None:

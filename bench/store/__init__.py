@@ -4,6 +4,7 @@
 
     with Store(url) as store:
         store.campaigns(), store.measurement_table(7)    # reading: reader.py
+        store.judged(7, after=8, until=9)                # what is new, for a live screen: following.py
         store.create_campaign(...), store.advance(...)   # a campaign's and its points' lives: ledger.py
         store.import_table(...), store.add_diagnosis()   # what is kept beside them: archive.py
         store.benches.all()                              # owners, energised, UNSAFE: benches.py
@@ -16,6 +17,7 @@ from typing import Self
 from bench.store.archive import Archive
 from bench.store.benches import Benches, BenchRow, BenchState
 from bench.store.database import DEFAULT_URL, Database, database_url
+from bench.store.following import Following
 from bench.store.ledger import Ledger, Provenance, Session, StoredReading
 from bench.store.live import LinkReport, Live, Moment, SeenMoment, Settling
 from bench.store.queue import Entry, Queue
@@ -43,7 +45,7 @@ __all__ = [
 ]
 
 
-class Store(Reader, Ledger, Archive):
+class Store(Reader, Following, Ledger, Archive):
     """An open campaign database."""
 
     def __init__(self, url: str) -> None:

@@ -294,3 +294,14 @@ def test_a_password_is_refused_as_an_argument(capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr().err
     assert "D2EA_DB" in said
     assert "secret" not in said
+
+
+def test_the_shell_completes_commands_and_options(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("_D2EA_COMPLETE", "complete_bash")
+    for words, place, completed in (("d2ea retr", "1", "retrain"), ("d2ea models roll", "2", "rollback")):
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", place)
+        d2ea()
+        assert capfd.readouterr().out.split() == [completed]

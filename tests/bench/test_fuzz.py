@@ -1,5 +1,6 @@
 """Files of an operator, whatever is in them: what they say, or an error that names what is wrong."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
