@@ -151,4 +151,6 @@ def _notes(scored: Sequence[Scored]) -> tuple[str, ...]:
     )
 
 
-EXPERIMENT = Experiment(title="First blind trials: one hidden effect, 100 points, all channels", run=run)
+EXPERIMENT = Experiment(
+    title="First blind trials: one hidden effect, 100 points, all channels", run=run, apart=True
+)

@@ -12,7 +12,7 @@ points that were not fitted.
 """
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -112,6 +112,12 @@ class BoostedTrees:
         rows, shape = design(D1, D2, power_W)
         out = self._booster.inplace_predict(rows, validate_features=False)
         return np.asarray(out, dtype=np.float64).reshape(shape)
+
+    def first(self, trees: int) -> Self:
+        """The ensemble of the first so many trees: what training would have given that stopped there."""
+        if not 1 <= trees <= self.settings.trees:
+            raise ValueError(f"trees is {trees}; the ensemble has {self.settings.trees}")
+        return type(self)(self._booster[:trees], replace(self.settings, trees=trees))
 
     def boxes(self) -> LeafBoxes:
         """Every leaf of every tree as a box of (D1, D2, power_W)."""

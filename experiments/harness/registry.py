@@ -19,10 +19,11 @@ _NOT_ONE = ("command",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """A title, and the function that runs it."""
+    """A title, and the function that runs it; ``apart`` from ``all`` are trials that take their own afternoon."""
 
     title: str
     run: Callable[[Settings], Result]
+    apart: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

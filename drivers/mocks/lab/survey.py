@@ -110,12 +110,15 @@ def _averaged(
 
 
 def noise_free_efficiency(
-    lab: Laboratory, D1: Array, D2: Array, power_W: Array, *, supply_V: float = 300.0
+    lab: Laboratory, D1: Array, D2: Array, power_W: Array, *, supply_V: float = 300.0, time_s: float = 0.0
 ) -> Array:
-    """What the lab's analyzer would show without noise at settled points, (N,); NaN where it cannot run."""
-    time_s = np.zeros_like(power_W)
-    truth, heat = lab.settled(D1, D2, power_W, np.full(D1.size, supply_V), time_s)
-    V1, P1 = lab.input_terminals(truth, heat.heatsink_C, time_s)
+    """What the lab's analyzer would show without noise at settled points, (N,); NaN where it cannot run.
+
+    All points are seen at one time of the campaign, ``time_s``.
+    """
+    now_s = np.full_like(power_W, time_s)
+    truth, heat = lab.settled(D1, D2, power_W, np.full(D1.size, supply_V), now_s)
+    V1, P1 = lab.input_terminals(truth, heat.heatsink_C, now_s)
     quiet = np.random.default_rng(0)
     silent = lab.without_noise()
     shown_1 = silent.port_1(*read_element(silent.errors, 1, (V1, P1 / V1, P1), quiet))
