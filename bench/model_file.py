@@ -1,54 +1,36 @@
-"""model.toml: a simulation model (baseline and effects with their values) as an operator's file."""
+"""model.toml: a simulation model (a converter, its modulation, effects with their values) as an operator's file."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from bench.errors import InputError, Problem
 from bench.toml_file import line_of, read_toml, to_toml, write_atomically
+from sim.converter_data import ConverterDataError, converter_from_plain
 from sim.model import Model
-from sim.parameters import ParameterError
+from sim.parameters import Converter, ParameterError
 from sim.prototype import prototype
 
-KEYS = ("converter", "effects")
+KEYS = ("converter", "modulation", "effects")
 
 
 def read_model(path: Path) -> Model:
-    """The model in a file; InputError names each unknown effect, parameter or value with its line."""
-    data = read_toml(path)
-    text = path.read_text(encoding="utf-8")
-    converter = prototype()
+    """The model in a file; InputError names each unknown key, wrong value or effect with its line."""
+    data, text = read_toml(path), path.read_text(encoding="utf-8")
     problems = [
-        Problem(
-            file=str(path),
-            field=key,
-            value=None,
-            allowed=f"unknown key; known here: {', '.join(KEYS)}",
-            line=line_of(text, [key]),
-        )
+        _problem(path, text, (key,), None, f"unknown key; known here: {', '.join(KEYS)}")
         for key in data
         if key not in KEYS
     ]
-    if data.get("converter", converter.name) != converter.name:
-        problems.append(
-            Problem(
-                file=str(path),
-                field="converter",
-                value=data["converter"],
-                allowed=f"known: {converter.name!r}",
-                line=line_of(text, ["converter"]),
-            )
-        )
+    converter = _converter(path, text, data, problems)
     effects = data.get("effects", {})
     good: dict[str, dict[str, float]] = {}
     for name, values in effects.items() if isinstance(effects, dict) else [("effects", effects)]:
         try:
-            Model(converter=converter, effects={name: _numbers(values)})
             good[name] = _numbers(values)
+            Model(converter=converter or prototype(), effects={name: good[name]})
         except (ParameterError, TypeError, ValueError) as error:
-            line = line_of(text, ["effects", name])
-            problems.append(
-                Problem(file=str(path), field=f"effects.{name}", value=None, allowed=str(error), line=line)
-            )
-    if problems:
+            problems.append(_problem(path, text, ("effects", name), None, str(error)))
+    if problems or converter is None:
         raise InputError(problems)
     return Model(converter=converter, effects=good)
 
@@ -56,6 +38,50 @@ def read_model(path: Path) -> Model:
 def write_model(path: Path, model: Model) -> None:
     """Write a model; :func:`read_model` gives it back."""
     write_atomically(path, to_toml(model.as_plain()))
+
+
+def _converter(
+    path: Path, text: str, data: Mapping[str, object], problems: list[Problem]
+) -> Converter | None:
+    """The converter that a file describes, or names: the prototype, or another model file beside it."""
+    described, modulation = data.get("converter", prototype().name), data.get("modulation")
+    if not isinstance(modulation, str | None):
+        problems.append(_problem(path, text, ("modulation",), modulation, "the name of a modulation"))
+        return None
+    try:
+        if isinstance(described, Mapping):
+            return converter_from_plain(described, modulation)
+        if isinstance(described, str) and described.endswith(".toml"):
+            model = _described_in(path, described)
+        elif described == prototype().name:
+            model = Model.baseline()
+        else:
+            allowed = f"{prototype().name!r}, a table with the converter's values, or another file.toml"
+            problems.append(_problem(path, text, ("converter",), described, allowed))
+            return None
+        return (model if modulation is None else model.driven_by(modulation)).converter
+    except ConverterDataError as error:
+        found = (_problem(path, text, ("converter", *w.keys), w.value, w.allowed) for w in error.wrong)
+        problems.extend(found)
+    except ParameterError as error:
+        problems.append(_problem(path, text, ("modulation",), modulation, str(error)))
+    return None
+
+
+def _described_in(path: Path, name: str) -> Model:
+    """The model of another file; one that describes its converter itself."""
+    other = path.parent / name
+    if not isinstance(read_toml(other).get("converter"), Mapping):
+        raise InputError.of(
+            other, "converter", None, f"{path} refers to this file for a table with the converter's values"
+        )
+    return read_model(other)
+
+
+def _problem(path: Path, text: str, keys: tuple[str, ...], value: object, allowed: str) -> Problem:
+    return Problem(
+        file=str(path), field=".".join(keys), value=value, allowed=allowed, line=line_of(text, keys)
+    )
 
 
 def _numbers(values: object) -> dict[str, float]:

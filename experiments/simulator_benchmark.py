@@ -12,6 +12,7 @@ Seconds depend on the machine; ratios depend on it less.
 """
 
 import os
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -116,10 +117,7 @@ def _stepped_D0(model: Model, solved: Simulated, rows: NDArray[np.intp]) -> Arra
     points, heatsink_C = solved.points.take(rows), solved["T_heatsink_C"][rows]
     temperatures = Temperatures(
         heatsink_C=heatsink_C,
-        outer_C=heatsink_C,
-        inner_C=heatsink_C,
-        clamp_C=heatsink_C,
-        secondary_C=heatsink_C,
+        junction_C=defaultdict(lambda: heatsink_C),
         inductor_C=solved["T_inductor_C"][rows],
         transformer_C=solved["T_transformer_C"][rows],
     )

@@ -1,12 +1,14 @@
 """From a converter at given temperatures to the circuit that the waveform solver needs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.bridges import Carrier, Scheme, Transition, primary_scheme, secondary_scheme
 from sim.parameters import Capacitance, Converter, Quantity
-from sim.soft_switching import swing_curve
+from sim.soft_switching import leg_curve
 from sim.steady_state import Circuit
 
 Array = NDArray[np.float64]
@@ -14,52 +16,89 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Temperatures:
-    """What the losses heat, in degC; each broadcasts over the operating points."""
+    """What the losses heat, in degC: junctions by kind of device (:mod:`sim.bridges`), heatsink and windings."""
 
     heatsink_C: Quantity
-    outer_C: Quantity
-    inner_C: Quantity
-    clamp_C: Quantity
-    secondary_C: Quantity
+    junction_C: Mapping[str, Quantity]
     inductor_C: Quantity
     transformer_C: Quantity
 
     @classmethod
-    def everywhere(cls, ambient_C: Quantity) -> "Temperatures":
+    def everywhere(cls, converter: Converter, ambient_C: Quantity) -> "Temperatures":
         """Everything at ambient, in arrays of its own."""
-        return cls(**{name: np.array(ambient_C, dtype=float) for name in cls.__slots__})
+        kinds = (*primary_scheme(converter).devices, *secondary_scheme(converter).devices)
+        return cls(
+            heatsink_C=np.array(ambient_C, dtype=float),
+            junction_C={kind: np.array(ambient_C, dtype=float) for kind in kinds},
+            inductor_C=np.array(ambient_C, dtype=float),
+            transformer_C=np.array(ambient_C, dtype=float),
+        )
+
+    def by_place(self) -> dict[str, Array]:
+        """Every temperature by a name of its place."""
+        places = {"heatsink": self.heatsink_C, "inductor": self.inductor_C, "transformer": self.transformer_C}
+        return {name: np.asarray(value) for name, value in {**places, **self.junction_C}.items()}
 
 
-def winding_resistance(converter: Converter, temperatures: Temperatures) -> tuple[Quantity, Quantity]:
-    """Resistance of inductor and transformer at the switching frequency, referred to the primary, in Ohm."""
+def winding_resistance(converter: Converter, t: Temperatures) -> tuple[Quantity, Quantity]:
+    """Dc resistance of inductor and transformer, referred to the primary, in Ohm."""
     inductor, transformer = converter.inductor.winding, converter.transformer.winding
-    return (
-        inductor.resistance_Ohm
-        * (1 + inductor.resistance_per_K * (temperatures.inductor_C - 25.0))
-        * (1 + inductor.ac_extra),
-        transformer.resistance_Ohm
-        * (1 + transformer.resistance_per_K * (temperatures.transformer_C - 25.0))
-        * (1 + transformer.ac_extra),
+    return inductor.at(t.inductor_C), transformer.at(t.transformer_C)
+
+
+def eddy_time_s(converter: Converter, t: Temperatures) -> Quantity:
+    """L over the resistor parallel to it that makes the windings' rise of resistance with frequency, in s.
+
+    Seen in series, L beside R_e is omega^2 L^2 / R_e more resistance: c R_dc at the switching frequency.
+    """
+    resistances = winding_resistance(converter, t)
+    windings = converter.inductor.winding, converter.transformer.winding
+    extra_Ohm = sum(R * w.ac_extra for R, w in zip(resistances, windings, strict=True))
+    return extra_Ohm / ((2 * np.pi * converter.frequency_Hz) ** 2 * converter.inductor.inductance_H)
+
+
+def path_drop(path: tuple[Carrier, ...], t: Temperatures) -> tuple[Quantity, Quantity]:
+    """Threshold (V) and resistance (Ohm) of devices in series."""
+    drops = [(c.count, c.law.at(t.junction_C[c.kind])) for c in path]
+    return sum(n * V0 for n, (V0, _) in drops), sum(n * R for n, (_, R) in drops)
+
+
+def loop_drops(converter: Converter, t: Temperatures) -> tuple[Array, Array | None]:
+    """Drops of the ac loop in V and Ohm, shape (3, 2, ...): current along a bridge's voltage, against it, zero state.
+
+    First by the state of the primary, everything in series that does not depend on states included; then by that of
+    the secondary, referred to the primary, or None where channels conduct both ways and it is included in the first.
+    """
+    n, primary, secondary = (
+        converter.transformer.turns_ratio,
+        primary_scheme(converter),
+        secondary_scheme(converter),
     )
+    fixed_V: Quantity = 0.0
+    fixed_R = converter.link_resistance_Ohm + sum(winding_resistance(converter, t))
+    beyond: Array | None = None
+    if converter.secondary.switch.synchronous:
+        V0, R = path_drop(secondary.forward, t)
+        fixed_V, fixed_R = n * V0, fixed_R + n**2 * R
+    else:
+        beyond = _stacked([(n * V0, n**2 * R) for V0, R in _state_drops(secondary, t)])
+    return _stacked([(V0 + fixed_V, R + fixed_R) for V0, R in _state_drops(primary, t)]), beyond
 
 
-def loop_drops(converter: Converter, t: Temperatures) -> tuple[Array, Array, Array]:
-    """Threshold (V) and resistance (Ohm), stacked, of the ac loop: along vp, against it, zero state."""
-    primary, n = converter.primary, converter.transformer.turns_ratio
-    secondary_R = n**2 * 2 * converter.secondary.switch.on.at(t.secondary_C)[1]
-    fixed_R = converter.link_resistance_Ohm + sum(winding_resistance(converter, t)) + secondary_R
+def _state_drops(scheme: Scheme, t: Temperatures) -> list[tuple[Quantity, Quantity]]:
+    return [path_drop(path, t) for path in (scheme.forward, scheme.reverse, scheme.zero)]
 
-    def path(*devices: tuple[Quantity, Quantity]) -> Array:
-        threshold = 2 * sum(np.asarray(v) for v, _ in devices)
-        resistance = 2 * sum(np.asarray(r) for _, r in devices) + fixed_R
-        return np.stack(np.broadcast_arrays(threshold, resistance))
 
-    outer, inner, clamp = primary.outer, primary.inner, primary.clamp
-    return (
-        path(outer.on.at(t.outer_C), inner.on.at(t.inner_C)),
-        path(outer.backward.at(t.outer_C), inner.backward.at(t.inner_C)),
-        path(inner.on.at(t.inner_C), clamp.on.at(t.clamp_C)),
-    )
+def _stacked(drops: list[tuple[Quantity, Quantity]]) -> Array:
+    arrays = np.broadcast_arrays(*(np.asarray(value, dtype=float) for drop in drops for value in drop))
+    return np.stack(arrays).reshape(3, 2, *arrays[0].shape)
+
+
+def swing_charge(scheme: Scheme, transitions: tuple[Transition, ...], link_V: Array) -> Array:
+    """Charge in C that moves a leg through its transitions."""
+    step_V = scheme.step * link_V
+    junctions = [scheme.devices[k].capacitance for t in transitions for k in (*t.charging, *t.discharging)]
+    return np.asarray(sum(np.asarray(j.charge_C(step_V)) for j in junctions))
 
 
 def _with_zero_bias(junction: Capacitance, value: float) -> Capacitance:
@@ -68,27 +107,24 @@ def _with_zero_bias(junction: Capacitance, value: float) -> Capacitance:
 
 def _curves(converter: Converter, size: int) -> tuple[Array, NDArray[np.intp]]:
     """Swing curves (4, G, 65) of the different sets of capacitances, and each point's set (N,)."""
-    junctions = (
-        converter.primary.outer.capacitance,
-        converter.primary.inner.capacitance,
-        converter.primary.clamp.capacitance,
-        converter.secondary.switch.capacitance,
-    )
-    values = np.stack(np.broadcast_arrays(*(j.zero_bias_F for j in junctions), np.empty(1))[:4])
+    primary, secondary = primary_scheme(converter), secondary_scheme(converter)
+    junctions = {k: d.capacitance for s in (primary, secondary) for k, d in s.devices.items()}
+    values = np.stack(np.broadcast_arrays(*(j.zero_bias_F for j in junctions.values()), np.empty(1))[:-1])
     sets, which = np.unique(values, axis=1, return_inverse=True)
-    half_link, link = 0.5 * converter.V1_V, converter.V2_V
+    edges = (
+        (primary, primary.first, converter.V1_V), (primary, primary.second, converter.V1_V),
+        (secondary, secondary.first, converter.V2_V), (secondary, secondary.second, converter.V2_V),
+    )  # fmt: skip
     tables = []
     for column in sets.T:
-        outer, inner, clamp, low = (_with_zero_bias(j, v) for j, v in zip(junctions, column, strict=True))
-        secondary = swing_curve([low], [low], link)
-        tables.append(
-            [
-                swing_curve([inner, clamp], [outer], half_link),
-                swing_curve([outer], [inner, clamp], half_link),
-                secondary,
-                secondary,
-            ]
-        )
+        own = {k: _with_zero_bias(j, v) for (k, j), v in zip(junctions.items(), column, strict=True)}
+        tables.append([
+            leg_curve(
+                [([own[k] for k in t.charging], [own[k] for k in t.discharging]) for t in transitions],
+                scheme.step * link_V,
+            )
+            for scheme, transitions, link_V in edges
+        ])  # fmt: skip
     return np.stack(tables, axis=1), np.broadcast_to(which.ravel(), (size,)).astype(np.intp)
 
 
@@ -101,13 +137,19 @@ def build_circuit(converter: Converter, t: Temperatures, V1_V: Array, V2_V: Arra
             np.broadcast_to(value, (*np.shape(value)[:-1], *size)) if np.ndim(value) else np.full(size, value)
         )
 
-    primary, n = converter.primary, converter.transformer.turns_ratio
-    swing = 0.5 * V1_V
-    primary_Q = sum(
-        np.asarray(d.capacitance.charge_C(swing)) for d in (primary.outer, primary.inner, primary.clamp)
+    n, primary, secondary = (
+        converter.transformer.turns_ratio,
+        primary_scheme(converter),
+        secondary_scheme(converter),
     )
-    secondary_Q = 2 * np.asarray(converter.secondary.switch.capacitance.charge_C(V2_V))
-    forward, reverse, zero = loop_drops(converter, t)
+    drops, beyond = loop_drops(converter, t)
+    drops = np.broadcast_to(drops if drops.ndim == 3 else drops[..., None], (3, 2, *size))
+    if beyond is not None:
+        beyond = np.broadcast_to(beyond if beyond.ndim == 3 else beyond[..., None], (3, 2, *size))
+    charges = (
+        swing_charge(primary, primary.first, V1_V), swing_charge(primary, primary.second, V1_V),
+        swing_charge(secondary, secondary.first, V2_V), swing_charge(secondary, secondary.second, V2_V),
+    )  # fmt: skip
     curves, curve = _curves(converter, V1_V.size)
     return Circuit(
         V1_V=V1_V,
@@ -117,10 +159,12 @@ def build_circuit(converter: Converter, t: Temperatures, V1_V: Array, V2_V: Arra
         magnetizing_H=wide(converter.transformer.magnetizing_H),
         half_period_s=wide(converter.half_period_s),
         dead_time_s=wide(converter.dead_time_s),
-        forward=np.stack([wide(x) for x in forward]),
-        reverse=np.stack([wide(x) for x in reverse]),
-        zero=np.stack([wide(x) for x in zero]),
-        charge_C=np.stack([wide(primary_Q), wide(primary_Q), wide(secondary_Q), wide(secondary_Q)]),
+        forward=drops[0],
+        reverse=drops[1],
+        zero=drops[2],
+        secondary=beyond,
+        eddy_s=wide(eddy_time_s(converter, t)),
+        charge_C=np.stack([wide(Q) for Q in charges]),
         curves=curves,
         curve=curve,
     )

@@ -52,6 +52,10 @@ def _section(part: str, section: str) -> dict[str, float]:
     }
 
 
+def _tolerances(part: str) -> dict[str, float]:
+    return {name: entry.tolerance for name, entry in datasheet(part).items()}
+
+
 def _thermal(part: str) -> float:
     return datasheet(part)["thermal.resistance_K_per_W"].value
 
@@ -68,6 +72,7 @@ def load_switch(part: str) -> Switch:
         recovery=Recovery(**_section(part, "recovery")),
         capacitance=Capacitance(**_section(part, "capacitance")),
         thermal_K_per_W=_thermal(part),
+        tolerances=_tolerances(part),
     )
 
 
@@ -79,4 +84,5 @@ def load_diode(part: str) -> Diode:
         recovery=Recovery(**_section(part, "recovery")),
         capacitance=Capacitance(**_section(part, "capacitance")),
         thermal_K_per_W=_thermal(part),
+        tolerances=_tolerances(part),
     )

@@ -1,16 +1,18 @@
 """Regulation, losses and temperatures brought to their common fixed point."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.bridges import part_names
 from sim.circuit import Temperatures, build_circuit
 from sim.losses import conduction_losses, switching_losses
 from sim.magnetics import LinkCurrent, link_current, magnetic_losses
 from sim.modulation import centre_offset, hybrid_edges
 from sim.operating_points import Points
 from sim.parameters import Converter
+from sim.prototype import prototype
 from sim.regulation import Regulated, regulate
 from sim.stacking import pick
 from sim.thermal import temperatures
@@ -25,12 +27,8 @@ _KELVIN = 1e-4  # moves a loss of 10 W by 4 uW
 _LEAST_W = 10.0
 _MODERATE_K = 20.0  # above ambient
 
-AT_INPUT = (
-    "primary_outer_conduction", "primary_inner_conduction", "primary_clamp_conduction",
-    "primary_outer_switching", "primary_inner_switching", "primary_clamp_recovery",
-)  # fmt: skip
+AT_INPUT, AT_OUTPUT = part_names(prototype())
 IN_LINK = ("inductor_copper", "inductor_core", "transformer_copper", "transformer_core", "link_resistance")
-AT_OUTPUT = ("secondary_conduction", "secondary_switching")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +82,7 @@ class OperatingState:
 
     def comfortable(self, margin: float) -> NDArray[np.bool_]:
         """Points that run, with more power to spare than ``margin`` (relative) on the rising branch."""
-        spare = np.nan_to_num(self.regulated.most_W, nan=np.inf) > (1 + margin) * self.balance.P2_W
+        spare = np.nan_to_num(self.regulated.most_W, nan=np.inf) > (1 + margin) * np.abs(self.balance.P2_W)
         return np.asarray(self.regulated.reached & spare & (self.regulated.limit >= 0.5))
 
 
@@ -100,7 +98,7 @@ def _balance(converter: Converter, points: Points, regulated: Regulated, losses:
     P2 = at_bridge - losses["secondary_switching"] - cable
     link2 = at_bridge + losses["secondary_conduction"]
     link1 = link2 + sum(losses[name] for name in IN_LINK)
-    into = link1 + sum(losses[name] for name in AT_INPUT) + converter.auxiliary_power_W
+    into = link1 + sum(losses[name] for name in part_names(converter)[0]) + converter.auxiliary_power_W
     I1 = _input_current(into, np.asarray(points.V1_V), converter.input_cable_Ohm)
     input_cable = converter.input_cable_Ohm * I1**2
     whole = losses | {
@@ -112,8 +110,8 @@ def _balance(converter: Converter, points: Points, regulated: Regulated, losses:
 
 
 def _furthest(a: Temperatures, b: Temperatures) -> Array:
-    gaps = [np.abs(getattr(a, f.name) - getattr(b, f.name)) for f in fields(a)]
-    return np.asarray(np.max(gaps, axis=0))
+    one, other = a.by_place(), b.by_place()
+    return np.asarray(np.max([np.abs(one[place] - other[place]) for place in one], axis=0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,10 +186,12 @@ def _start(converter: Converter, points: Points, warm: WarmStart | None) -> _Sta
         points=points,
         edges=hybrid_edges(-centre_offset(D1, D2), D1, D2)
         + late * converter.secondary_delay_s / converter.half_period_s,
-        temperatures=Temperatures.everywhere(np.asarray(points.ambient_C))
+        temperatures=Temperatures.everywhere(converter, np.asarray(points.ambient_C))
         if warm is None
         else warm.temperatures,
-        target_W=delivered * 1.003 if warm is None else delivered + warm.secondary_switching_W,
+        target_W=delivered + 0.003 * np.abs(delivered)
+        if warm is None
+        else delivered + warm.secondary_switching_W,
         I1_A=delivered / points.V1_V if warm is None else warm.I1_A,
         warm=None if warm is None else warm.regulated,
     )
@@ -212,7 +212,7 @@ def operate(converter: Converter, points: Points, warm: WarmStart | None = None)
         state = part.solve(_COARSE if turn < _COARSE_ROUNDS else _POWER / 2)
         ahead = part.onward(state)
         demanded = np.asarray(part.points.power_W)
-        missed = np.abs(state.balance.P2_W - demanded) / np.maximum(demanded, _LEAST_W)
+        missed = np.abs(state.balance.P2_W - demanded) / np.maximum(np.abs(demanded), _LEAST_W)
         settled = (_furthest(ahead.temperatures, part.temperatures) < _KELVIN) & (missed < _POWER)
         _put(station, busy, ahead)
         station = replace(station, warm=_joined(station.warm, busy, state.regulated))
@@ -230,8 +230,9 @@ def carries(converter: Converter, points: Points) -> NDArray[np.bool_]:
 
 def _put(station: _Station, rows: NDArray[np.intp], part: _Station) -> None:
     """Write a part's temperatures, targets and currents back."""
-    for f in fields(Temperatures):
-        getattr(station.temperatures, f.name)[rows] = getattr(part.temperatures, f.name)
+    now = station.temperatures.by_place()
+    for place, values in part.temperatures.by_place().items():
+        now[place][rows] = values
     station.target_W[rows] = part.target_W
     station.I1_A[rows] = part.I1_A
 

@@ -5,6 +5,9 @@ by Parseval no Fourier series is needed:
 
 .. math:: \sum_k R_k I_k^2 = R_{dc} (I_{rms}^2 + c \, \langle \dot\imath^2 \rangle / \omega_s^2)
 
+The circuit carries both parts (:mod:`sim.steady_state`): the first is series resistance, the second a resistor parallel
+to the inductance.
+
 Core: improved generalised Steinmetz equation (Venkatachalam, Sullivan, Abdallah and Tacca, 2002, eq. 7)
 
 .. math:: P_v = k_i \, \Delta B^{\beta - \alpha} \, \langle |\dot B|^\alpha \rangle, \quad
@@ -62,8 +65,7 @@ def copper_loss_W(
     >>> round(copper_loss_W(winding, 25.0, np.array([64.0]), np.array([64.0])).item(), 3)
     3.168
     """
-    resistance = winding.resistance_Ohm * (1 + winding.resistance_per_K * (temperature_C - 25.0))
-    return np.asarray(resistance * (square_A2 + winding.ac_extra * slope_share_A2))
+    return np.asarray(winding.at(temperature_C) * (square_A2 + winding.ac_extra * slope_share_A2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,11 +80,9 @@ class LinkCurrent:
 def link_current(pieces: Pieces, frequency_Hz: float) -> LinkCurrent:
     """Measure the half-wave symmetric link current."""
     half_period = np.sum(pieces.duration_s, axis=0)
-    a, w = pieces.decay_per_s, pieces.drive_A_per_s
-    squared_slope = w**2 * pieces.duration_s - 2 * w * a * pieces.charge() + a**2 * pieces.square()
     return LinkCurrent(
         square_A2=np.sum(pieces.square(), axis=0) / half_period,
-        slope_share_A2=np.sum(squared_slope, axis=0) / half_period / (2 * np.pi * frequency_Hz) ** 2,
+        slope_share_A2=np.sum(pieces.squared_slope(), axis=0) / half_period / (2 * np.pi * frequency_Hz) ** 2,
         peak_to_peak_A=2 * np.maximum(np.max(np.abs(pieces.current_A), axis=0), np.abs(pieces.end_A[-1])),
     )
 

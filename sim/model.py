@@ -1,15 +1,16 @@
 """A simulation model: a baseline converter and effects with their values."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.converter_data import converter_to_plain
 from sim.effects.catalogue import effect
 from sim.operating_points import Points
-from sim.parameters import Converter
+from sim.parameters import Converter, NpcBridge
 from sim.prototype import prototype
 
 Array = NDArray[np.float64]
@@ -27,10 +28,16 @@ class Model:
         for name, values in self.effects.items():
             effect(name).check(values)
 
+        self.altered_converter()  # an effect that this converter cannot have is refused here
+
     @classmethod
-    def baseline(cls) -> Self:
+    def baseline(cls, modulation: str = "hybrid") -> Self:
         """The prototype with nothing added."""
-        return cls(converter=prototype())
+        return cls(converter=replace(prototype(), modulation=modulation))
+
+    def driven_by(self, modulation: str) -> Self:
+        """This model under another modulation; ParameterError where its primary does not have it."""
+        return replace(self, converter=replace(self.converter, modulation=modulation))
 
     def with_effect(self, name: str, **values: float) -> Self:
         """This model with one more effect, or with other values of it; the headline may be left unnamed."""
@@ -63,8 +70,11 @@ class Model:
         return truth
 
     def as_plain(self) -> dict[str, Any]:
-        """Plain data: the converter's name and the effects with their values."""
+        """Plain data: the converter (by name where it is the prototype), modulation, effects with their values."""
+        converter = replace(self.converter, modulation=prototype().modulation)
+        known = isinstance(self.converter.primary, NpcBridge) and converter == prototype()
         return {
-            "converter": self.converter.name,
+            "modulation": self.converter.modulation,
+            "converter": self.converter.name if known else converter_to_plain(self.converter),
             "effects": {name: dict(values) for name, values in self.effects.items()},
         }

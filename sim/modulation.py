@@ -10,7 +10,13 @@ each square wave rises::
 
 vp is +V1 on [0, D1), 0 on [D1, 1) and the negative of that in the next half period; vs is +V2 on
 [D0 + D2, D0 + 1), of width 1 - D2. The phase between the pulses' centres is
-phi = D0 + (1 + D2 - D1)/2; transferred power rises on phi in [0, 1/2].
+phi = D0 + (1 + D2 - D1)/2; transferred power rises on phi in [-1/2, 1/2], through 0 near phi = 0.
+
+Five modulations make these waves. The *hybrid* one clamps both primary legs at the link's middle O in the zero state
+(needs three levels). The others switch each leg between the rails only and shift the legs of a bridge against each
+other; they differ in what is free (Zhao, Song, Liu and Sun, Overview of Dual-Active-Bridge Isolated Bidirectional
+DC-DC Converter for High-Frequency-Link Power-Conversion System, 2014): SPS has no zero states, EPS one in one bridge,
+DPS the same in both, TPS any.
 """
 
 import numpy as np
@@ -18,6 +24,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 EDGES = ("primary_rise", "primary_fall", "secondary_lead", "secondary_lag")
+CLAMPED = ("hybrid",)  # zero state of the primary at the middle of the link
+SHIFTED = ("tps", "eps", "dps", "sps")  # zero state by two legs at the same rail
+_EQUAL = 1e-9  # of D1 and D2 that ought to be equal
 
 
 def hybrid_edges(D0: Array, D1: Array, D2: Array) -> Array:
@@ -46,6 +55,22 @@ def paper_D0(D0: Array, D1: Array) -> Array:
     [0.05]
     """
     return D0 + 1.0 - D1
+
+
+def outside_modulation(modulation: str, D1: Array, D2: Array) -> NDArray[np.str_]:
+    """Why a modulation does not have this pair of duty ratios, "" where it has, shape (N,).
+
+    >>> outside_modulation("dps", np.array([0.8, 0.8]), np.array([0.2, 0.1])).tolist()
+    ['', 'dps has one inner shift: D2 must be 1 - D1']
+    """
+    full_1, full_2 = np.abs(D1 - 1.0) <= _EQUAL, np.abs(D2) <= _EQUAL
+    rules = {
+        "sps": (full_1 & full_2, "sps has no zero states: D1 must be 1 and D2 0"),
+        "dps": (np.abs(1.0 - D1 - D2) <= _EQUAL, "dps has one inner shift: D2 must be 1 - D1"),
+        "eps": (full_1 | full_2, "eps has a zero state in one bridge only: D1 must be 1 or D2 0"),
+    }
+    allowed, reason = rules.get(modulation, (np.ones(np.shape(D1), dtype=bool), ""))
+    return np.where(allowed, "", reason)
 
 
 def infeasible_pulse(D1: Array, D2: Array, dead_time: Array | float) -> NDArray[np.str_]:

@@ -1,12 +1,12 @@
 """Operating points: what is set and demanded, as arrays."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.parameters import ParameterError, Quantity
+from sim.parameters import Converter, ParameterError, Quantity
 
 Array = NDArray[np.float64]
 
@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 class Points:
     """N operating points; every field is an array (N,) or a float for all.
 
-    ``power_W`` is demanded at the output terminals; ``pwm`` false is standby (supply on, bridges off).
-    ``time_s`` counts from the campaign's start; ``range_I1_A`` is the analyzer's input current range (0 where
-    not known).
+    ``power_W`` is demanded at the output terminals, negative where they feed back; ``pwm`` false is standby
+    (supply on, bridges off). ``time_s`` counts from the campaign's start; ``range_I1_A`` is the
+    analyzer's input current range (0 where not known).
     """
 
     D1: Quantity
@@ -35,9 +35,15 @@ class Points:
         for field, array in zip(fields(self), arrays, strict=True):
             kind = bool if field.name == "pwm" else float
             object.__setattr__(self, field.name, np.array(array, dtype=kind))
-        for name in ("V1_V", "V2_V"):
-            if not np.all(getattr(self, name) > 0):
-                raise ParameterError(f"Points.{name} must be above 0 V everywhere")
+        for field in fields(self):
+            values = getattr(self, field.name)
+            least = 0.0 if field.name in ("V1_V", "V2_V") else -np.inf
+            wrong = np.flatnonzero(~(np.isfinite(values) & (values > least)))
+            if wrong.size:
+                allowed = "above 0 V" if least == 0.0 else "finite numbers"
+                raise ParameterError(
+                    f"Points.{field.name}[{wrong[0]}] is {values[wrong[0]]}; allowed: {allowed}"
+                )
 
     def __len__(self) -> int:
         return int(np.size(self.D1))
@@ -55,7 +61,7 @@ class Points:
 def grid(
     shape: tuple[int, int, int] = (25, 25, 20), *, lowest_W: float = 200.0, highest_W: float = 2000.0
 ) -> Points:
-    """The paper's grid over D1, D2 in [0, 1] and power, end points included.
+    """The paper's grid over D1, D2 in [0, 1] and power, end points included, at 300 V and 140 V.
 
     >>> len(grid())
     12500
@@ -67,3 +73,21 @@ def grid(
         indexing="ij",
     )
     return Points(D1=D1.ravel(), D2=D2.ravel(), power_W=power.ravel())
+
+
+def efficiency(P1_W: Array, P2_W: Array) -> Array:
+    """What arrives over what is put in: P2/P1 forward, P1/P2 where power flows back, NaN where nothing is put in.
+
+    >>> efficiency(np.array([1000.0, -960.0, 5.0]), np.array([980.0, -1000.0, -2.0])).round(3).tolist()
+    [0.98, 0.96, 0.0]
+    """
+    arrives, given = np.where(P2_W < 0, -P1_W, P2_W), np.where(P2_W < 0, -P2_W, P1_W)
+    return np.asarray(np.maximum(arrives, 0.0) / np.where(given > 0, given, np.nan))
+
+
+def grid_of(converter: Converter, shape: tuple[int, int, int] = (25, 25, 20)) -> Points:
+    """The same grid for any converter: from a tenth of its rated power to all of it, at its nominal voltages."""
+    rated_W = converter.rated_power_W
+    return replace(
+        grid(shape, lowest_W=0.1 * rated_W, highest_W=rated_W), V1_V=converter.V1_V, V2_V=converter.V2_V
+    )

@@ -4,11 +4,13 @@ Every number is a float, or an array that broadcasts over operating points, so t
 converter can be simulated in one call. All values are SI; resistances and drops are given at 25 degC.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sim.modulation import CLAMPED, SHIFTED
 
 Quantity = float | NDArray[np.float64]
 REFERENCE_C = 25.0
@@ -155,7 +157,8 @@ class Switch:
     """A controlled switch with what conducts in reverse.
 
     ``synchronous`` switches carry reverse current in the channel while their gate is on; the others in
-    their antiparallel diode. ``thermal_K_per_W`` is from junction to heatsink.
+    their antiparallel diode. ``thermal_K_per_W`` is from junction to heatsink; ``tolerances`` are the everyday
+    spreads of its values (relative, one sigma) by ``section.name``.
     """
 
     part: str
@@ -167,6 +170,7 @@ class Switch:
     recovery: Recovery
     capacitance: Capacitance
     thermal_K_per_W: Quantity
+    tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _positive(self, "thermal_K_per_W")
@@ -179,13 +183,14 @@ class Switch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diode:
-    """A diode; ``thermal_K_per_W`` is from junction to heatsink."""
+    """A diode; ``thermal_K_per_W`` and ``tolerances`` as of a switch."""
 
     part: str
     on: Conduction
     recovery: Recovery
     capacitance: Capacitance
     thermal_K_per_W: Quantity
+    tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _positive(self, "thermal_K_per_W")
@@ -199,12 +204,22 @@ class NpcBridge:
     inner: Switch
     clamp: Diode
 
+    @property
+    def modulations(self) -> tuple[str, ...]:
+        """What this bridge can be driven by, its usual one first."""
+        return (*CLAMPED, *SHIFTED)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FullBridge:
-    """Two two-level legs of one kind of switch."""
+    """Two two-level legs of one kind of switch, each blocking the whole dc link."""
 
     switch: Switch
+
+    @property
+    def modulations(self) -> tuple[str, ...]:
+        """What this bridge can be driven by: it has no middle to be clamped at."""
+        return SHIFTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,6 +253,14 @@ class Winding:
     def __post_init__(self) -> None:
         _not_negative(self, "resistance_Ohm", "ac_extra")
 
+    def at(self, temperature_C: Quantity) -> Quantity:
+        """Dc resistance in Ohm at a temperature.
+
+        >>> round(Winding(resistance_Ohm=0.1, ac_extra=0.0).at(125.0), 4)
+        0.139
+        """
+        return self.resistance_Ohm * (1 + self.resistance_per_K * (temperature_C - REFERENCE_C))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inductor:
@@ -268,9 +291,10 @@ class Transformer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Converter:
-    """A dual-active-bridge converter with a three-level primary and a two-level secondary.
+    """A dual-active-bridge converter: its primary, a two-level secondary, and how it is driven.
 
-    ``auxiliary_power_W`` is what gate drivers, fan and control take from the input while the bridges switch;
+    ``modulation`` is one of the primary's (:mod:`sim.modulation`); ``auxiliary_power_W`` is
+    what gate drivers, fan and control take from the input while the bridges switch;
     ``secondary_delay_s`` how much later the secondary's gates come than the primary's.
     """
 
@@ -280,7 +304,8 @@ class Converter:
     rated_power_W: float
     frequency_Hz: float
     dead_time_s: Quantity
-    primary: NpcBridge
+    modulation: str
+    primary: NpcBridge | FullBridge
     secondary: FullBridge
     inductor: Inductor
     transformer: Transformer
@@ -292,13 +317,27 @@ class Converter:
     heatsink_K_per_W: Quantity
 
     def __post_init__(self) -> None:
-        _positive(self, "V1_V", "V2_V", "rated_power_W", "frequency_Hz", "dead_time_s", "heatsink_K_per_W")
+        _positive(self, "V1_V", "V2_V", "rated_power_W", "frequency_Hz", "heatsink_K_per_W")
+        _check(self, "a number", lambda x: x == x, "secondary_delay_s")
+        _not_negative(self, "dead_time_s")
         _not_negative(self, "link_resistance_Ohm", "auxiliary_power_W", "input_cable_Ohm", "output_cable_Ohm")
         if np.any(np.asarray(self.dead_time_s) > 0.25 * self.half_period_s):
             raise ParameterError(
                 f"Converter.dead_time_s is {self.dead_time_s}; allowed: up to a quarter of the half period, "
                 f"{0.25 * self.half_period_s:.3g} s"
             )
+        if self.modulation not in self.primary.modulations:
+            raise ParameterError(
+                f"Converter.modulation is {self.modulation!r}; a {type(self.primary).__name__} as primary allows: "
+                f"{', '.join(self.primary.modulations)}"
+            )
+
+    @property
+    def three_level(self) -> NpcBridge:
+        """The primary, for those that know three-level bridges only; ParameterError where it is another."""
+        if not isinstance(self.primary, NpcBridge):
+            raise ParameterError(f"{self.name!r} has a two-level primary; a three-level one is needed here")
+        return self.primary
 
     @property
     def half_period_s(self) -> float:
@@ -309,8 +348,9 @@ class Converter:
 def leaves(parameters: object, path: str = "") -> dict[str, object]:
     """Every value of a nested parameter object by its dotted path."""
     found: dict[str, object] = {}
-    for field in fields(parameters):  # type: ignore[arg-type]
-        value = getattr(parameters, field.name)
-        here = f"{path}{field.name}"
-        found |= leaves(value, f"{here}.") if is_dataclass(value) else {here: value}
+    for entry in fields(parameters):  # type: ignore[arg-type]
+        value = getattr(parameters, entry.name)
+        here = f"{path}{entry.name}"
+        if not isinstance(value, Mapping):  # a device's tolerances are about its values
+            found |= leaves(value, f"{here}.") if is_dataclass(value) else {here: value}
     return found

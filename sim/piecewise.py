@@ -31,16 +31,16 @@ def power_share(edges: Array) -> tuple[Array, Array]:
     return np.mean(x * (1 - np.abs(x)), axis=(0, 1)), np.mean(1 - 2 * np.abs(x), axis=(0, 1))
 
 
-def phase_for_share(share: Array, edges: Array) -> Array:
-    """Smallest phase in [0, 1/2] at which the lossless power reaches ``share``; 1/2 where it cannot.
+def phase_for_share(share: Array, edges: Array, way: Array | float = 1.0) -> Array:
+    """Smallest size in [0, 1/2] of the phase at which the lossless power reaches ``share``; 1/2 where it cannot.
 
-    ``edges`` are those of phase 0, shape (4, N); the result has shape (N,). Bisection on a curve that does
-    not fall on [0, 1/2].
+    ``edges`` are those of phase 0, shape (4, N); the result has shape (N,). ``way`` is -1 where both phase and power
+    are counted backwards. Bisection on a curve that does not fall on [0, 1/2].
     """
     low, high = np.zeros_like(share), np.full_like(share, 0.5)
     shift = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
     for _ in range(45):
         middle = 0.5 * (low + high)
-        below = power_share(edges + shift * middle)[0] < share
+        below = way * power_share(edges + shift * (way * middle))[0] < share
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return high

@@ -25,6 +25,7 @@ def prototype() -> Converter:
         rated_power_W=2000.0,  # Table II
         frequency_Hz=20e3,  # Table II
         dead_time_s=400e-9,  # Table II
+        modulation="hybrid",  # the paper's
         primary=NpcBridge(
             outer=load_switch("UF3C065030K4S"),  # Assumption: the SiC FETs are the outer switches
             inner=load_switch("IKW40N65ES5"),  # Assumption: the IGBTs are the inner switches

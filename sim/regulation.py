@@ -1,4 +1,7 @@
-"""The controller's job: the phase at which a demanded power arrives, on the rising branch."""
+"""The controller's job: the phase at which a demanded power arrives, on the rising branch.
+
+Power to the primary is the mirror image, of phase and power: the search runs in forward terms for both.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -27,8 +30,8 @@ _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 class Regulated:
     """Phase (N,) in units of Th, the orbit there, whether the power is reached, and the most that can be.
 
-    ``limit`` is the highest phase of the rising branch; ``most_W`` is NaN where the power was reached
-    without looking there.
+    ``limit`` is the size of the phase at the end of the rising branch on this side; ``most_W``, the size of the power
+    there, is NaN where the power was reached without looking there.
     """
 
     phase: Array
@@ -54,20 +57,25 @@ class _Probe:
     """A circuit, its edges at phase 0 and the warm start that each solution leaves for the next.
 
     What is kept of a start current is its excess over the lossless one, which hardly moves with the phase.
+    ``way`` is 1 where power is wanted at the secondary, -1 where at the primary; phase and power are counted that way.
     """
 
     circuit: Circuit
     edges: Array
+    way: Array
     excess_A: Array
     delay: Array
 
     def power(self, phase: Array, chosen: NDArray[np.intp]) -> Array:
         """Power at a phase for some of the points; keeps the orbit as their next start."""
-        return self.orbit(phase, chosen).output_power_W()
+        return self.way[chosen] * self.orbit(phase, chosen).output_power_W()
 
     def orbit(self, phase: Array, chosen: NDArray[np.intp]) -> Orbit:
         """The orbit at a phase for some of the points."""
-        circuit, edges = self.circuit.take(chosen), self.edges[:, chosen] + _SHIFT * phase
+        circuit, edges = (
+            self.circuit.take(chosen),
+            self.edges[:, chosen] + _SHIFT * (self.way[chosen] * phase),
+        )
         delay = self.delay[:, chosen]
         guess = lossless_start_A(circuit, edges + delay) + self.excess_A[chosen]
         orbit = periodic(circuit, edges, guess, delay)
@@ -137,7 +145,7 @@ def regulate(
     circuit, edges : Circuit, array (4, N)
         The circuit, and the edges at phase 0 in units of Th.
     target_W : array (N,)
-        Power to reach, not negative.
+        Power to reach; negative where it flows to the primary.
     warm : Regulated, optional
         A solution nearby.
     tolerance : float
@@ -147,29 +155,30 @@ def regulate(
     at phase 1/2; where the power there falls a little short, the peak is searched by golden section. The
     bracket starts below phase 0 by as much as delays of the edges can carry power there.
     """
-    scale_W = lossless_scale_W(circuit)
-    probe = _probe(circuit, edges, warm)
+    scale_W, way = lossless_scale_W(circuit), np.where(target_W < 0, -1.0, 1.0)
+    probe, goal_W = _probe(circuit, edges, way, warm), way * target_W
     if warm is None:
-        phase = phase_for_share(target_W / scale_W, edges)
-        limit, most_W = _branch(probe, target_W, scale_W)
+        phase = phase_for_share(goal_W / scale_W, edges, way)
+        limit, most_W = _branch(probe, goal_W, scale_W)
     else:
-        phase, limit, most_W = warm.phase.copy(), warm.limit.copy(), warm.most_W.copy()
+        phase, limit, most_W = way * warm.phase, warm.limit.copy(), warm.most_W.copy()
 
     def ideal_slope_W(x: Array, busy: NDArray[np.intp]) -> Array:
-        return scale_W[busy] * np.maximum(power_share(edges[:, busy] + _SHIFT * x)[1], 0.02)
+        moved = edges[:, busy] + _SHIFT * (way[busy] * x)
+        return scale_W[busy] * np.maximum(power_share(moved)[1], 0.02)
 
     search = _Search(
-        goal_W=target_W,
+        goal_W=goal_W,
         ideal_slope_W=ideal_slope_W,
         limit=limit,
         most_W=most_W,
         phase=np.minimum(phase, limit),
-        low=_lowest_phase(circuit, edges),
+        low=_lowest_phase(circuit, edges, way),
         high=limit.copy(),
         last_phase=np.full(target_W.size, np.nan),
         last_W=np.full(target_W.size, np.nan),
         reached=np.zeros(target_W.size, dtype=bool),
-        short=most_W < target_W,
+        short=most_W < goal_W,
     )
     for step in range(_ROOT_STEPS):
         busy = search.busy()
@@ -181,30 +190,32 @@ def regulate(
     phase = search.phase
     orbit = probe.orbit(phase, np.arange(target_W.size))
     return Regulated(
-        phase=phase, limit=limit, orbit=orbit, reached=search.reached & orbit.closed, most_W=most_W
+        phase=way * phase, limit=limit, orbit=orbit, reached=search.reached & orbit.closed, most_W=most_W
     )
 
 
-def _probe(circuit: Circuit, edges: Array, warm: Regulated | None) -> _Probe:
+def _probe(circuit: Circuit, edges: Array, way: Array, warm: Regulated | None) -> _Probe:
     """A probe that starts from nothing, or from a solution nearby."""
     size = edges.shape[1]
     if warm is None:
-        return _Probe(circuit=circuit, edges=edges, excess_A=np.zeros(size), delay=np.zeros((4, size)))
+        nothing = np.zeros(size)
+        return _Probe(circuit=circuit, edges=edges, way=way, excess_A=nothing, delay=np.zeros((4, size)))
     delay = warm.orbit.delay.copy()
     lossless = lossless_start_A(circuit, edges + _SHIFT * warm.phase + delay)
-    return _Probe(circuit=circuit, edges=edges, excess_A=warm.orbit.start_A - lossless, delay=delay)
+    excess_A = warm.orbit.start_A - lossless
+    return _Probe(circuit=circuit, edges=edges, way=way, excess_A=excess_A, delay=delay)
 
 
-def _lowest_phase(circuit: Circuit, edges: Array) -> Array:
+def _lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
     """A phase that carries no power whatever the delays: the pulses' centres two dead times the other way."""
     between_centres = np.mean(edges[2:], axis=0) - np.mean(edges[:2], axis=0)
-    return np.asarray(-between_centres - 2.0 * circuit.dead_time_s / circuit.half_period_s)
+    return np.asarray(-way * between_centres - 2.0 * circuit.dead_time_s / circuit.half_period_s)
 
 
 def _branch(probe: _Probe, target_W: Array, scale_W: Array) -> tuple[Array, Array]:
     """Highest phase of the rising branch, and the power there where the target comes near it (else NaN)."""
     limit, most_W = np.full(target_W.size, 0.5), np.full(target_W.size, np.nan)
-    ceiling = scale_W * power_share(probe.edges + 0.5 * _SHIFT)[0]
+    ceiling = probe.way * scale_W * power_share(probe.edges + 0.5 * _SHIFT * probe.way)[0]
     near = np.flatnonzero(target_W > _NEAR * ceiling)
     if near.size:
         most_W[near] = probe.power(limit[near], near)

@@ -15,15 +15,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.bridges import part_names
 from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, carries, operate
 from sim.model import Model
-from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse
-from sim.operating_points import Points, grid
+from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
+from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick, stack
 
-__all__ = ["PARTS", "Points", "Result", "can_run", "grid", "simulate", "simulate_many"]
+__all__ = ["PARTS", "Points", "Result", "can_run", "grid", "grid_of", "simulate", "simulate_many"]
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,6 @@ _ZVS = 0.01  # a swing that misses less than this counts as zero-voltage switchi
 _COLUMNS = (
     "D0", "P1_W", "I1_A", "P2_W", "efficiency", "I_L_rms_A", "I_L_pp_A", "P_link1_W", "P_link2_W",
     "T_heatsink_C", "T_transformer_C", "T_inductor_C",
-    *(f"loss_{part}_W" for part in PARTS), *(f"zvs_{edge}" for edge in EDGES),
 )  # fmt: skip
 
 
@@ -150,7 +150,7 @@ def _with_added_loss(model: Model, points: Points, truth: dict[str, Array]) -> d
         "P1_W": P1,
         "I1_A": P1 / np.asarray(points.V1_V),
         "loss_added_W": truth["loss_added_W"] + added,
-        "efficiency": truth["P2_W"] / np.where(P1 > 0, P1, np.nan),
+        "efficiency": efficiency(P1, truth["P2_W"]),
     }
 
 
@@ -171,7 +171,7 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solutio
     size = len(points)
     reason = _refused(converter, points)
     standby = ~np.asarray(points.pwm, dtype=bool)
-    values = {name: np.full(size, np.nan) for name in _COLUMNS}
+    values = {name: np.full(size, np.nan) for name in _columns_of(converter)}
     run = np.flatnonzero((reason == "") & ~standby)
     place = np.full(run.size, -1) if seed is None else seed.find(run)
     left: _Seed | None = None
@@ -199,10 +199,11 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solutio
 def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
     """Why a point need not be tried, "" where it must; standby is never refused."""
     dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, (len(points),))
-    reason = infeasible_pulse(np.asarray(points.D1), np.asarray(points.D2), dead).astype("U96")
-    reason[(reason == "") & (points.power_W < 0)] = "power below 0 W: only forward transfer is simulated"
+    D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
+    reason = infeasible_pulse(D1, D2, dead).astype("U96")
+    reason = np.where(reason == "", outside_modulation(converter.modulation, D1, D2), reason).astype("U96")
     most = _ceiling_W(points, converter)
-    for k in np.flatnonzero((reason == "") & (points.power_W >= most)):
+    for k in np.flatnonzero((reason == "") & (np.abs(points.power_W) >= most)):
         reason[k] = f"D1 and D2 carry less than {most[k]:.0f} W"
     reason[~np.asarray(points.pwm, dtype=bool)] = ""
     return reason
@@ -215,6 +216,12 @@ def _why_not(state: OperatingState, k: int) -> str:
     return "no steady state found"
 
 
+def _columns_of(converter: Converter) -> tuple[str, ...]:
+    before, behind = part_names(converter)
+    losses = (*before, *IN_LINK, *behind, "auxiliary", "input_cable", "output_cable", "added")
+    return (*_COLUMNS, *(f"loss_{part}_W" for part in losses), *(f"zvs_{edge}" for edge in EDGES))
+
+
 def _columns(state: OperatingState, points: Points) -> dict[str, Array]:
     balance, t, missing = state.balance, state.temperatures, state.regulated.orbit.commutation.missing
     columns = {
@@ -222,7 +229,7 @@ def _columns(state: OperatingState, points: Points) -> dict[str, Array]:
         "P1_W": balance.P1_W,
         "I1_A": balance.I1_A,
         "P2_W": balance.P2_W,
-        "efficiency": balance.P2_W / balance.P1_W,
+        "efficiency": efficiency(balance.P1_W, balance.P2_W),
         "I_L_rms_A": np.sqrt(state.current.square_A2),
         "I_L_pp_A": state.current.peak_to_peak_A,
         "P_link1_W": balance.P_link1_W,

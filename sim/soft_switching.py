@@ -17,8 +17,9 @@ carry the same volt-seconds.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,18 +34,32 @@ _GRID = (np.arange(_STEPS + 1) / _STEPS) ** 2
 CURVE_POINTS = 65
 
 
-def swing_curve(charging: Sequence[Capacitance], discharging: Sequence[Capacitance], swing_V: float) -> Array:
+Junctions = Sequence[Capacitance]
+
+
+def swing_curve(charging: Junctions, discharging: Junctions, swing_V: float) -> Array:
+    """Voltage share of a swing in one step on an even grid of its charge share, shape (65,), from 0 to 1."""
+    return leg_curve([(charging, discharging)], swing_V)
+
+
+def leg_curve(steps: Sequence[tuple[Junctions, Junctions]], step_V: float) -> Array:
     """Voltage share of a leg's swing on an even grid of its charge share, shape (65,), from 0 to 1.
 
-    Some junctions of the leg charge from 0, the others discharge from ``swing_V``; all of scalar values.
+    The swing is one step after the other, each of ``step_V``: some junctions charge from 0, the others discharge
+    from ``step_V``; all of scalar values.
     """
-    v = np.linspace(0.0, swing_V, 513)
-    charge = np.zeros_like(v)
-    for junction in charging:
-        charge = charge + junction.charge_C(v)
-    for junction in discharging:
-        charge = charge + junction.charge_C(swing_V) - junction.charge_C(swing_V - v)
-    return np.interp(np.linspace(0.0, float(charge[-1]), CURVE_POINTS), charge, v) / swing_V
+    v = np.linspace(0.0, step_V, 513)
+    shares, charges = [np.zeros(1)], [np.zeros(1)]
+    for k, (charging, discharging) in enumerate(steps):
+        charge = np.zeros_like(v)
+        for junction in charging:
+            charge = charge + junction.charge_C(v)
+        for junction in discharging:
+            charge = charge + junction.charge_C(step_V) - junction.charge_C(step_V - v)
+        shares.append((k + v[1:] / step_V) / len(steps))
+        charges.append(charges[-1][-1] + charge[1:])
+    charge = np.concatenate(charges)
+    return np.interp(np.linspace(0.0, float(charge[-1]), CURVE_POINTS), charge, np.concatenate(shares))
 
 
 def read_curves(curves: Array, charge_share: Array) -> Array:
@@ -98,25 +113,33 @@ class Commutation:
     turn_off_A: Array
     turn_on_A: Array
 
+    def edge(self, which: int | slice) -> Self:
+        """One of the edges, or several."""
+        return type(self)(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
+
 
 def commutate(
     current_A: Array,
-    slope: Callable[[Array, Array, Array], Array],
+    drive: Callable[[Array, Array], Array],
+    own_A_per_s: Array | float,
     dead_time_s: Array,
     charge_C: Array,
     voltage_share: Callable[[Array], Array],
 ) -> Commutation:
     """Integrate the dead time of each edge in graded steps.
 
-    In a step the current moves by its slope at the start, the charge by the mean current.
+    In a step the charge moves by the current and its slope at the start, the current by the mean of its slopes at start
+    and end (Verlet's rule, of second order).
 
     Parameters
     ----------
     current_A : array
         Driving current when the leg's switches open, positive towards the new rail.
-    slope : callable
-        ``slope(start_s, end_s, voltage_share)``: mean slope of the driving current in A/s over a step, time
+    drive : callable
+        ``drive(start_s, end_s)``: mean slope in A/s that the rest of the circuit gives the driving current in a step, time
         counted from the edge.
+    own_A_per_s : array or float
+        Slope that the leg's own voltage adds to that at the new rail, and takes away at the old one.
     dead_time_s : array
         Dead time, shape (N,); ``current_A`` and ``charge_C`` have shape (edges, N).
     charge_C : array
@@ -129,13 +152,13 @@ def commutate(
     delay, opposite, same = np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
     for start, end in pairwise(_GRID):
         step = (end - start) * dead_time_s
-        change = slope(start * dead_time_s, end * dead_time_s, share) * step
-        moved = q + (j + 0.5 * change) * step
-        j = j + change
+        pull = drive(start * dead_time_s, end * dead_time_s)
+        moved = q + (j + 0.5 * step * (pull + own_A_per_s * (2.0 * share - 1.0))) * step
         q = np.clip(moved, 0.0, charge_C)
         opposite += np.maximum(moved - charge_C, 0.0)
         same += np.maximum(-moved, 0.0)
         before, share = share, voltage_share(q / charge_C)
+        j = j + step * (pull + own_A_per_s * (before + share - 1.0))
         delay += (1.0 - 0.5 * (before + share)) * step
     missing = 1.0 - share
     return Commutation(

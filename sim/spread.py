@@ -1,15 +1,14 @@
 """How far every part of a converter is off on any ordinary day: one sigma of each parameter.
 
-Device parameters take theirs from the data files; the rest is listed here. A diagnosis that does not know
+Devices bring theirs from their data files; the rest is listed here. A diagnosis that does not know
 of these spreads calls every one of them a fault.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from sim.datasheet import datasheet
-from sim.parameters import Converter
+from sim.parameters import Converter, Diode, Switch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,19 +61,17 @@ _REST = (
 
 def everyday_spread(converter: Converter) -> tuple[Spread, ...]:
     """The spreads of a converter's parameters, each independent of the others."""
-    primary, secondary = converter.primary, converter.secondary
-    parts = {
-        "primary.outer": primary.outer.part,
-        "primary.inner": primary.inner.part,
-        "primary.clamp": primary.clamp.part,
-        "secondary.switch": secondary.switch.part,
-    }
-    found = [spread for place, part in parts.items() for spread in _of_part(place, part)]
+    found = [
+        spread
+        for bridge in ("primary", "secondary")
+        for place in fields(getattr(converter, bridge))
+        for spread in _of_device(f"{bridge}.{place.name}", getattr(getattr(converter, bridge), place.name))
+    ]
     return (*found, *_REST)
 
 
-def _of_part(place: str, part: str) -> Iterator[Spread]:
-    for name, entry in datasheet(part).items():
+def _of_device(place: str, device: Switch | Diode) -> Iterator[Spread]:
+    for name, tolerance in device.tolerances.items():
         path = f"{place}.{'thermal_K_per_W' if name == 'thermal.resistance_K_per_W' else name}"
-        if entry.tolerance > 0:
-            yield Spread(path=path, sigma=entry.tolerance)
+        if tolerance > 0:
+            yield Spread(path=path, sigma=tolerance)

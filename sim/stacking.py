@@ -9,7 +9,8 @@ import numpy as np
 from sim.parameters import Converter, ParameterError
 
 _FIXED = {"frequency_Hz", "junction_V", "grading", "alpha", "beta", "area_m2", "volume_m3", "turns",
-          "turns_ratio", "V1_V", "V2_V", "rated_power_W", "part", "name", "synchronous"}  # fmt: skip
+          "turns_ratio", "V1_V", "V2_V", "rated_power_W", "part", "name", "synchronous", "modulation",
+          "tolerances"}  # fmt: skip
 
 
 def stack(converters: Sequence[Converter], repeats: int) -> Converter:
@@ -48,4 +49,6 @@ def pick(parameters: Any, chosen: np.ndarray[Any, Any]) -> Any:
             changed[field.name] = pick(value, chosen)
         elif isinstance(value, np.ndarray):
             changed[field.name] = value[chosen]
+        elif isinstance(value, dict):
+            changed[field.name] = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in value.items()}
     return replace(parameters, **changed) if changed else parameters

@@ -2,13 +2,14 @@ r"""The exact periodic steady state of the ac link.
 
 Between two steps of a bridge the link obeys
 
-.. math:: L \, \dot\imath = v_p - n v_s - \sigma V_0 - R \, i, \qquad \sigma = \operatorname{sign} i
+.. math:: L \, \dot\imath = v_p - n v_s - \sigma V_0 - R \, (i + \tau \dot\imath), \qquad \sigma = \operatorname{sign} i
 
 with the drops V0 and R of whatever conducts: the active state with the current along or against the voltage,
-or the zero state. Each stretch is solved by its exponential, cut where the current crosses zero (a current
-that the remaining voltage cannot lift over V0 stays at zero). Half-wave symmetry i(Th) = -i(0) closes the
-orbit; the delays of the four edges follow from the currents at the edges (:mod:`sim.soft_switching`).
-Everything is vectorised over operating points.
+or the zero state. A resistor L / tau beside the inductance carries tau di/dt: the windings' eddy currents, whose
+resistance rises with frequency squared. What leaves the bridges' terminals is i + tau di/dt. Each stretch is solved by
+its exponential, cut where the current crosses zero (a current that the remaining voltage cannot lift over V0 stays at
+zero). Half-wave symmetry i(Th) = -i(0) closes the orbit; the delays of the four
+edges follow from the currents at the edges (:mod:`sim.soft_switching`). Everything is vectorised over operating points.
 
 Assumption: the secondary's resistances are referred to the primary and carry the link current, and the
 magnetizing inductance lies across the ideal secondary bridge, so its current is a triangle of its own.
@@ -20,6 +21,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.decay import decay_integral, decay_moment, decay_square
 from sim.soft_switching import CURVE_POINTS, Commutation, commutate, read_curves
 
 Array = NDArray[np.float64]
@@ -35,8 +37,9 @@ class Circuit:
     """What the solver needs of a converter at N operating points; arrays have shape (N,) unless told.
 
     ``forward``, ``reverse``, ``zero`` are the loop's drops (threshold in V, resistance in Ohm, shape (2, N))
-    in the active state with the current along vp, against it, and in the zero state; the resistances are
-    above 0. ``charge_C`` (4, N) moves each leg through its swing along the ``curve``-th of its ``curves``
+    in the active state with the current along vp, against it, and in the zero state; ``secondary`` (3, 2, N) are those
+    that depend on the secondary's state instead (current out of it along its voltage, against it, zero state), and
+    ``eddy_s`` is tau. ``charge_C`` (4, N) moves each leg through its swing along the ``curve``-th of its ``curves``
     (4, G, 65), shared by all points.
     """
 
@@ -53,11 +56,16 @@ class Circuit:
     charge_C: Array
     curves: Array
     curve: NDArray[np.intp]
+    secondary: Array | None = None
+    eddy_s: Array | float = 0.0
 
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """The circuit at some of its points."""
-        of_points = [f.name for f in fields(self) if f.name != "curves"]
-        return replace(self, **{name: getattr(self, name)[..., chosen] for name in of_points})
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "curves"}
+        of_points = {
+            name: value[..., chosen] for name, value in values.items() if isinstance(value, np.ndarray)
+        }
+        return replace(self, **of_points)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +73,8 @@ class Pieces:
     """The half period in ten exponential pieces (some empty), arrays of shape (10, N).
 
     In a piece that starts at ``start_s`` the current is ``i e^(-a t) + w (1 - e^(-a t)) / a`` with
-    i = ``current_A``, w = ``drive_A_per_s``, a = ``decay_per_s``; ``sign`` is that of the current.
+    i = ``current_A``, w = ``drive_A_per_s``, a = ``decay_per_s``; ``sign`` is that of the current. Integrals are of
+    what leaves the terminals, the current and ``eddy_s`` times its slope.
     """
 
     start_s: Array
@@ -76,6 +85,7 @@ class Pieces:
     sign: Array
     vp_V: Array
     nvs_V: Array
+    eddy_s: Array | float = 0.0
 
     def current_at(self, time_s: Array) -> Array:
         """Link current in A at times of the half period [0, Th], shape (..., N)."""
@@ -85,32 +95,38 @@ class Pieces:
         def pick(values: Array) -> Array:
             return np.take_along_axis(values, index, axis=0).reshape(time_s.shape)
 
-        decay_per_s = pick(self.decay_per_s)
-        decayed: Array = -np.expm1(-decay_per_s * (time_s - pick(self.start_s)))
-        return pick(self.current_A) * (1 - decayed) + pick(self.drive_A_per_s) * decayed / decay_per_s
+        t = time_s - pick(self.start_s)
+        first = t * decay_integral(pick(self.decay_per_s) * t)
+        return pick(self.current_A) + first * (
+            pick(self.drive_A_per_s) - pick(self.decay_per_s) * pick(self.current_A)
+        )
 
     def charge(self) -> Array:
-        """Integral of i over each piece, in A s."""
-        x = self.decay_per_s * self.duration_s
-        first = -np.expm1(-x) / self.decay_per_s
-        second = (self.duration_s - first) / self.decay_per_s
-        return self.current_A * first + self.drive_A_per_s * second
+        """Integral of the terminal current over each piece, in A s."""
+        x, T = self.decay_per_s * self.duration_s, self.duration_s
+        passed = T * (self.current_A * decay_integral(x) + self.drive_A_per_s * T * decay_moment(x))
+        return np.asarray(passed + self.eddy_s * (self.end_A - self.current_A))
 
     def square(self) -> Array:
-        """Integral of i^2 over each piece, in A^2 s."""
-        a = self.decay_per_s
-        F = -np.expm1(-a * self.duration_s) / a
-        E2 = -np.expm1(-2 * a * self.duration_s) / (2 * a)
-        F2 = ((self.duration_s - F) / a - 0.5 * F**2) / a
-        return (
-            self.current_A**2 * E2 + self.current_A * self.drive_A_per_s * F**2 + self.drive_A_per_s**2 * F2
+        """Integral of the squared terminal current over each piece, in A^2 s."""
+        T, i, w = self.duration_s, self.current_A, self.drive_A_per_s
+        x = self.decay_per_s * T
+        plain = T * (
+            i**2 * decay_integral(2 * x) + w * T * (i * decay_integral(x) ** 2 + w * T * decay_square(x))
         )
+        eddy = self.eddy_s * (self.end_A**2 - i**2 + self.eddy_s * self.squared_slope())
+        return np.asarray(plain + eddy)
+
+    def squared_slope(self) -> Array:
+        """Integral of (di/dt)^2 over each piece, in A^2/s."""
+        first = self.drive_A_per_s - self.decay_per_s * self.current_A
+        return np.asarray(first**2 * self.duration_s * decay_integral(2 * self.decay_per_s * self.duration_s))
 
     @property
     def end_A(self) -> Array:
         """Current at the end of each piece, in A."""
-        decayed: Array = -np.expm1(-self.decay_per_s * self.duration_s)
-        return self.current_A * (1 - decayed) + self.drive_A_per_s * decayed / self.decay_per_s
+        first = self.duration_s * decay_integral(self.decay_per_s * self.duration_s)
+        return np.asarray(self.current_A + first * (self.drive_A_per_s - self.decay_per_s * self.current_A))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,11 +188,18 @@ def lossless_start_A(circuit: Circuit, flips: Array) -> Array:
     return np.asarray(-0.5 * np.sum(duration * (vp - nvs), axis=0) / circuit.inductance_H)
 
 
-def _drops(circuit: Circuit, vp_V: Array, sign: Array) -> Array:
-    """Threshold and resistance (2, N) of the conducting path."""
+def _drops(circuit: Circuit, vp_V: Array, nvs_V: Array, sign: Array) -> tuple[Array, Array]:
+    """Threshold and resistance (N,) of the conducting path."""
     along = vp_V * sign
     live = np.abs(vp_V) > 0.5 * circuit.V1_V
-    return np.where(live, np.where(along > 0, circuit.forward, circuit.reverse), circuit.zero)
+    V0, R = np.where(live, np.where(along > 0, circuit.forward, circuit.reverse), circuit.zero)
+    if circuit.secondary is None:
+        return V0, R
+    along, live = -nvs_V * sign, np.abs(nvs_V) > 0.5 * circuit.nV2_V
+    own = np.where(
+        live, np.where(along > 0, circuit.secondary[0], circuit.secondary[1]), circuit.secondary[2]
+    )
+    return V0 + own[0], R + own[1]
 
 
 def _march(circuit: Circuit, flips: Array, start_A: Array) -> Pieces:
@@ -189,15 +212,17 @@ def _march(circuit: Circuit, flips: Array, start_A: Array) -> Pieces:
         v, left = vp[k] - nvs[k], duration[k]
         sign = np.where(i != 0, np.sign(i), np.sign(v))
         for half in (2 * k, 2 * k + 1):
-            V0, R = _drops(circuit, vp[k], sign)
+            V0, R = _drops(circuit, vp[k], nvs[k], sign)
             held = (i == 0) & (np.abs(v) <= V0)
-            a = R / circuit.inductance_H
-            w = np.where(held, 0.0, (v - sign * V0) / circuit.inductance_H)
-            fall = -np.expm1(-a * left) / a
-            end = i * (1 - a * fall) + w * fall
+            inertia_H = circuit.inductance_H + R * circuit.eddy_s
+            a = R / inertia_H
+            w = np.where(held, 0.0, (v - sign * V0) / inertia_H)
+            slope = w - a * i
+            end = i + slope * left * decay_integral(a * left)
             crosses = (end * sign < 0) & (i != 0)
             with np.errstate(divide="ignore", invalid="ignore"):
-                until = np.where(crosses, np.log1p(-i * a / w) / a, left)
+                # time to zero from i + slope (1 - e^(-a t)) / a = 0
+                until = np.where(crosses, _log_ratio(a * i / slope) * -i / slope, left)
             length[half], current[half], drive[half], decay[half], signs[half] = until, i, w, a, sign
             i = np.where(crosses, 0.0, end)
             left = left - until
@@ -205,8 +230,13 @@ def _march(circuit: Circuit, flips: Array, start_A: Array) -> Pieces:
     begin = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)[:-1]])
     return Pieces(
         start_s=begin, duration_s=length, current_A=current, drive_A_per_s=drive, decay_per_s=decay,
-        sign=signs, vp_V=np.repeat(vp, 2, axis=0), nvs_V=np.repeat(nvs, 2, axis=0),
+        sign=signs, vp_V=np.repeat(vp, 2, axis=0), nvs_V=np.repeat(nvs, 2, axis=0), eddy_s=circuit.eddy_s,
     )  # fmt: skip
+
+
+def _log_ratio(x: Array) -> Array:
+    """log(1 + x) / x, 1 at 0."""
+    return np.where(x == 0, 1.0, np.log1p(x) / np.where(x == 0, 1.0, x))
 
 
 def magnetizing_current(circuit: Circuit, edges: Array, time: Array) -> Array:
@@ -234,16 +264,17 @@ def _commutations(circuit: Circuit, edges: Array, flips: Array, pieces: Pieces) 
     gain = np.stack([-side, -side, n * (side + shunt), n * (side + shunt)], axis=1) * half[:, None]
     own = np.stack([gain[k, k] for k in range(4)])
     base = np.sum(np.where(ahead > 0, -gain, gain), axis=0) - np.where(np.diagonal(ahead).T > 0, -own, own)
+    # the next flip of a leg, up where it is down and down where it is up
+    wait = np.where(ahead > 0, ahead, ahead + 1.0)
     legs, targets, points = np.nonzero(
-        (ahead > 0)
-        & (ahead < circuit.dead_time_s / circuit.half_period_s)
-        & ~np.eye(4, dtype=bool)[:, :, None]
+        (wait < circuit.dead_time_s / circuit.half_period_s) & ~np.eye(4, dtype=bool)[:, :, None]
     )
-    arrival = ahead[legs, targets, points] * circuit.half_period_s[points]
-    kick = 2.0 * gain[legs, targets, points]
+    chosen = legs, targets, points
+    arrival = wait[chosen] * circuit.half_period_s[points]
+    kick = np.where(ahead[chosen] > 0, 2.0, -2.0) * gain[chosen]
 
-    def slope(start_s: Array, end_s: Array, share: Array) -> Array:
-        total: Array = base + own * (2.0 * share - 1.0)
+    def drive(start_s: Array, end_s: Array) -> Array:
+        total: Array = base.copy() if arrival.size else base
         if arrival.size:
             begin, end = start_s[points], end_s[points]
             np.add.at(total, (targets, points), kick * np.clip((end - arrival) / (end - begin), 0.0, 1.0))
@@ -255,7 +286,7 @@ def _commutations(circuit: Circuit, edges: Array, flips: Array, pieces: Pieces) 
     def share_of(charge_share: Array) -> Array:
         return read_curves(flat, first + np.minimum(charge_share, 1.0 - 1e-12) * (CURVE_POINTS - 1))
 
-    return commutate(current, slope, circuit.dead_time_s, circuit.charge_C, share_of)
+    return commutate(current, drive, own, circuit.dead_time_s, circuit.charge_C, share_of)
 
 
 def _sweep(circuit: Circuit, edges: Array, start_A: Array, delay: Array) -> tuple[Pieces, Commutation]:

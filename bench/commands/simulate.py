@@ -12,7 +12,8 @@ from bench.commands.streams import out
 from bench.errors import InputError, Problem
 from bench.prediction import model_from
 from bench.table_file import check_ending, write_table
-from sim.simulate import Points, grid, simulate
+from sim.parameters import Converter, Quantity
+from sim.simulate import Points, grid_of, simulate
 
 app = typer.Typer()
 
@@ -42,13 +43,18 @@ def simulate_(
         Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")
     ] = None,
 ) -> None:
-    """Simulate a grid (200 W to 2 kW) or a table of set points."""
+    """Simulate a grid (a tenth of the rated power to all of it) or a table of set points."""
     check_ending(out_file)
     if (points_file is None) == (grid_shape is None):
         raise InputError.of("command line", "POINTS.csv or --grid", None, "exactly one of the two is needed")
     given = pd.DataFrame() if points_file is None else read_points(points_file)
-    points = parse_grid(grid_shape or "") if points_file is None else _as_points(given)
-    result = simulate(model_from(model_file), points)
+    model = model_from(model_file)
+    points = (
+        parse_grid(grid_shape or "", model.converter)
+        if points_file is None
+        else _as_points(given, model.converter)
+    )
+    result = simulate(model, points)
     simulated = pd.DataFrame(result.columns())
     added = [name for name in given.columns if name not in simulated]
     write_table(pd.concat([given[added], simulated], axis="columns"), out_file)
@@ -58,13 +64,13 @@ def simulate_(
         out.print(escape(f"  {count} × {reason}"))
 
 
-def parse_grid(text: str) -> Points:
-    """``25x25x20`` as the points of a grid."""
+def parse_grid(text: str, converter: Converter) -> Points:
+    """``25x25x20`` as the points of a converter's grid."""
     parts = text.lower().split("x")
     if len(parts) != 3 or not all(part.isdigit() and int(part) > 0 for part in parts):
         raise InputError.of("command line", "--grid", text, "three counts above 0, such as 25x25x20")
     D1, D2, power = map(int, parts)
-    return grid((D1, D2, power))
+    return grid_of(converter, (D1, D2, power))
 
 
 def read_points(path: Path) -> pd.DataFrame:
@@ -95,7 +101,8 @@ def read_points(path: Path) -> pd.DataFrame:
     return table
 
 
-def _as_points(table: pd.DataFrame) -> Points:
-    conditions = {name: table[name].to_numpy() for name in OPTIONAL if name in table}
+def _as_points(table: pd.DataFrame, converter: Converter) -> Points:
+    conditions: dict[str, Quantity] = {"V1_V": converter.V1_V, "V2_V": converter.V2_V}
+    conditions |= {name: table[name].to_numpy() for name in OPTIONAL if name in table}
     D1, D2, power_W = (table[name].to_numpy() for name in REQUIRED)
     return Points(D1=D1, D2=D2, power_W=power_W, **conditions)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.effects.base import Effect, EffectParameter, Values
-from sim.operating_points import Points
+from sim.operating_points import Points, efficiency
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def _show_input(points: Points, truth: dict[str, Array], power_W: Array) -> dict
     return truth | {
         "P1_W": power_W,
         "I1_A": power_W / np.asarray(points.V1_V),
-        "efficiency": truth["P2_W"] / np.where(power_W > 0, power_W, np.nan),
+        "efficiency": efficiency(power_W, truth["P2_W"]),
     }
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sim.effects.base import Effect, EffectParameter, Values
-from sim.parameters import Converter
+from sim.parameters import Converter, ParameterError
 from sim.prototype import prototype
 
 
@@ -23,7 +23,7 @@ def _replaced(old: Any, value: float) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterEffect(Effect):
-    """Changes the parameters at ``paths`` (dotted) by ``change(old, value)``."""
+    """Changes the parameters at ``paths`` (dotted) by ``change(old, value)``; a converter need not have all of them."""
 
     paths: tuple[str, ...]
     change: Callable[[Any, float], Any]
@@ -33,9 +33,18 @@ class ParameterEffect(Effect):
         value = self.value(values)
         if value == self.headline.off:
             return converter
-        for path in self.paths:
-            converter = _replace_at(converter, path.split("."), self.change, value)
+        there = [path.split(".") for path in self.paths if _has(converter, path.split("."))]
+        if not there:
+            raise ParameterError(
+                f"{self.name} does not apply: {converter.name!r} has no {' or '.join(self.paths)}"
+            )
+        for path in there:
+            converter = _replace_at(converter, path, self.change, value)
         return converter
+
+
+def _has(owner: Any, path: list[str]) -> bool:
+    return not path or (hasattr(owner, path[0]) and _has(getattr(owner, path[0]), path[1:]))
 
 
 def _replace_at(owner: Any, path: list[str], change: Callable[[Any, float], Any], value: float) -> Any:
@@ -62,7 +71,7 @@ def _relative(
     return _parameter("relative_error", "1", tolerance, prior, bounds)
 
 
-_SIC = ("primary.outer", "secondary.switch")
+_SIC = ("primary.outer", "primary.switch", "secondary.switch")
 _Lm = float(prototype().transformer.magnetizing_H)
 
 SCALINGS: tuple[Effect, ...] = (
@@ -165,7 +174,7 @@ SCALINGS: tuple[Effect, ...] = (
         name="turn_off_energy_primary",
         stage="semiconductors",
         parameters=_relative(0.08, 0.7),
-        paths=("primary.outer.turn_off.energy_J", "primary.inner.turn_off.energy_J"),
+        paths=tuple(f"primary.{s}.turn_off.energy_J" for s in ("outer", "inner", "switch")),
         change=_scaled,
         says=(
             "the primary switches lose more at turn-off than the datasheet scales to: gate resistor, "
@@ -201,7 +210,7 @@ SCALINGS: tuple[Effect, ...] = (
         name="reverse_recovery",
         stage="semiconductors",
         parameters=_relative(0.15, 1.5, (-0.8, 15.0)),
-        paths=tuple(f"{d}.recovery.charge_C" for d in ("primary.clamp", "primary.outer", "secondary.switch")),
+        paths=tuple(f"{d}.recovery.charge_C" for d in ("primary.clamp", *_SIC)),
         change=_scaled,
         says="diodes lose more at hard commutation than modelled: recovery charge",
         check_on_bench="look at the turn-on current's overshoot at a hard edge, cold and warm",

@@ -36,7 +36,7 @@ def circuit(count: int, converter: Converter | None = None) -> Circuit:
     converter = converter or prototype()
     return build_circuit(
         converter,
-        Temperatures.everywhere(np.full(count, JUNCTION_C)),
+        Temperatures.everywhere(converter, np.full(count, JUNCTION_C)),
         np.full(count, converter.V1_V),
         np.full(count, converter.V2_V),
     )

@@ -20,7 +20,7 @@ def test_copper_is_the_sum_over_harmonics() -> None:
     squares, k = 0.5 * np.abs(spectrum[1:]) ** 2, np.arange(1, samples + 1)[:, None]
     winding = prototype().inductor.winding
     harmonic_W = winding.resistance_Ohm * np.sum((1 + winding.ac_extra * k**2) * squares, axis=0)
-    at_25 = Temperatures.everywhere(np.full(40, 25.0))
+    at_25 = Temperatures.everywhere(prototype(), np.full(40, 25.0))
     measures = link_current(case.orbit.pieces, 20e3)
     ours_W = magnetic_losses(prototype(), at_25, case.orbit.pieces, measures)["inductor_copper"]
     # the k^2 series of a current with corners converges like 1/k: 20,000 harmonics leave 1e-4
@@ -64,7 +64,7 @@ def test_a_square_voltage_swings_the_transformer_by_its_volt_seconds() -> None:
     case = random_case(8, seed=15)
     no_zero_state = np.flatnonzero(np.abs(case.edges[3] - case.edges[2]) < 1e-12)
     measures = link_current(case.orbit.pieces, 20e3)
-    t = Temperatures.everywhere(np.full(8, 25.0))
+    t = Temperatures.everywhere(prototype(), np.full(8, 25.0))
     core = prototype().transformer.core
     ours_W = magnetic_losses(prototype(), t, case.orbit.pieces, measures)["transformer_core"]
     expected_W = core_loss_W(core, np.array([280.0 * 25e-6]), np.array([280.0**core.alpha]))

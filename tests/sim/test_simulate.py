@@ -138,7 +138,7 @@ def test_the_lossless_grid_is_feasible_for_two_fifths() -> None:
         (0.9, 0.01, 300.0, "secondary zero state"),
         (1.2, 0.1, 300.0, "D1 outside"),
         (0.9, -0.1, 300.0, "D2 outside"),
-        (0.9, 0.1, -300.0, "only forward"),
+        (0.9, 0.1, -2300.0, "carry less than"),
         (0.5, 0.5, 2000.0, "carry less than"),
         (1.0, 0.0, 2200.0, "carry at most"),
     ],

@@ -20,7 +20,8 @@ def constant_capacitance(current_A: Array, *, drive: float = DRIVE, own: float =
     """Legs of constant capacitance that open at these currents."""
     return commutate(
         current_A,
-        lambda start, end, share: drive + own * (2 * share - 1),
+        lambda start, end: np.full(current_A.shape, drive),
+        own,
         np.full(current_A.size, DEAD_S),
         np.full(current_A.shape, CHARGE_C),
         lambda charge_share: charge_share,

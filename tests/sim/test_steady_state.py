@@ -32,7 +32,8 @@ def test_power_lost_between_the_bridges_is_what_the_drops_take(case: Case) -> No
     pieces, c = case.orbit.pieces, case.circuit
     live, along = np.abs(pieces.vp_V) > 1.0, pieces.vp_V * pieces.sign > 0
     V0, R = (np.where(live, np.where(along, c.forward[k], c.reverse[k]), c.zero[k]) for k in (0, 1))
-    lost = np.sum(V0 * np.abs(pieces.charge()) + R * pieces.square(), axis=0) / c.half_period_s
+    eddy = c.inductance_H * c.eddy_s * pieces.squared_slope()
+    lost = np.sum(V0 * pieces.sign * pieces.charge() + R * pieces.square() + eddy, axis=0) / c.half_period_s
     between = case.orbit.input_power_W() - case.orbit.output_power_W()
     # closed forms on both sides: only rounding and the closing error (1e-10) remain
     np.testing.assert_allclose(between, lost, rtol=0, atol=1e-6 * np.abs(case.orbit.input_power_W()).max())

@@ -16,7 +16,7 @@ def losses(**watts: float) -> dict[str, np.ndarray]:
 
 def test_without_losses_everything_is_at_ambient() -> None:
     t = temperatures(prototype(), losses(), np.array([31.0]))
-    assert {float(np.ravel(getattr(t, name))[0]) for name in t.__slots__} == {31.0}
+    assert {float(np.ravel(value)[0]) for value in t.by_place().values()} == {31.0}
 
 
 def test_semiconductors_share_one_heatsink() -> None:
@@ -24,8 +24,8 @@ def test_semiconductors_share_one_heatsink() -> None:
         prototype(), losses(primary_inner_conduction=6.0, secondary_switching=4.0), np.array([25.0])
     )
     assert t.heatsink_C[0] == pytest.approx(25.0 + 1.0 * 10.0)
-    assert t.outer_C[0] == t.heatsink_C[0]
-    assert t.inner_C[0] == pytest.approx(35.0 + 0.95 * 6.0 / 4)  # four switches share it
+    assert t.junction_C["primary_outer"][0] == t.heatsink_C[0]
+    assert t.junction_C["primary_inner"][0] == pytest.approx(35.0 + 0.95 * 6.0 / 4)  # four switches share it
 
 
 def test_windings_warm_by_copper_and_core() -> None:
@@ -36,4 +36,4 @@ def test_windings_warm_by_copper_and_core() -> None:
 
 def test_an_overload_stays_finite() -> None:
     t = temperatures(prototype(), losses(primary_inner_conduction=1e6), np.array([25.0]))
-    assert t.inner_C[0] == 250.0
+    assert t.junction_C["primary_inner"][0] == 250.0

@@ -144,7 +144,7 @@ class Laboratory:
     def _with_junctions(
         self, losses: LabLosses, heatsink_C: Array, inductor_C: Array, transformer_C: Array
     ) -> Heat:
-        primary = self.converter.primary
+        primary = self.converter.three_level
         rise = {
             "outer": primary.outer.thermal_K_per_W,
             "inner": primary.inner.thermal_K_per_W,

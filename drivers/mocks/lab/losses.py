@@ -91,7 +91,11 @@ def _magnetics(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit)
 def _switching(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit) -> dict[str, Array]:
     """Losses at the edges by kind of device."""
     c, f = orbit.commutation, converter.frequency_Hz
-    outer, inner, clamp = converter.primary.outer, converter.primary.inner, converter.primary.clamp
+    outer, inner, clamp = (
+        converter.three_level.outer,
+        converter.three_level.inner,
+        converter.three_level.clamp,
+    )
     low = converter.secondary.switch
     half, V2 = 0.5 * circuit.V1_V, circuit.nV2_V / circuit.turns_ratio
     off, on, missing = c.turn_off_A, c.turn_on_A, c.missing
@@ -147,11 +151,15 @@ def _conduction(
     square_A2 = np.sum(square, axis=0)
     secondary = 2 * n**2 * channel_Ohm(low.on, heat.secondary_C) * square_A2
     outer = (
-        2 * channel_Ohm(converter.primary.outer.on, heat.outer_C) * np.sum(np.where(live, square, 0), axis=0)
+        2
+        * channel_Ohm(converter.three_level.outer.on, heat.outer_C)
+        * np.sum(np.where(live, square, 0), axis=0)
     )
-    clamp = loop(~live, np.stack([2 * np.asarray(converter.primary.clamp.on.threshold_V), np.asarray(0.0)]))
+    clamp = loop(
+        ~live, np.stack([2 * np.asarray(converter.three_level.clamp.on.threshold_V), np.asarray(0.0)])
+    )
     clamp = clamp + loop(
-        ~live, np.stack([np.asarray(0.0), 2 * np.asarray(converter.primary.clamp.on.resistance_Ohm)])
+        ~live, np.stack([np.asarray(0.0), 2 * np.asarray(converter.three_level.clamp.on.resistance_Ohm)])
     )
     inner = np.maximum(whole - secondary - series_Ohm(converter, heat) * square_A2 - outer - clamp, 0.0)
     return {"outer": outer, "inner": inner, "clamp": clamp, "secondary": secondary}, square_A2

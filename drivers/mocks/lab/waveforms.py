@@ -75,7 +75,11 @@ def _charge(junction: Capacitance, voltage_V: Array) -> Array:
 
 def lab_circuit(converter: Converter, heat: Heat, demand: Demand) -> Circuit:
     """The solver's circuit for the lab's converter at its temperatures."""
-    outer, inner, clamp = converter.primary.outer, converter.primary.inner, converter.primary.clamp
+    outer, inner, clamp = (
+        converter.three_level.outer,
+        converter.three_level.inner,
+        converter.three_level.clamp,
+    )
     low, n = converter.secondary.switch, converter.transformer.turns_ratio
     ones = np.ones_like(demand.D1)
     series = series_Ohm(converter, heat) + 2 * n**2 * channel_Ohm(low.on, heat.secondary_C)

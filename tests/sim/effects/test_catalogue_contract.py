@@ -53,6 +53,7 @@ CHANGES = {
 METHODS = ("converter", "set_points", "added_loss_W", "observe")
 # unit in which a change of each column counts: what a good bench can just see
 SEEN = {"P1_W": 0.05, "D0": 1e-4, "T_heatsink_C": 0.1, "T_inductor_C": 0.1, "T_transformer_C": 0.1}
+COUNT = 64  # so many that the few points at a bend do not decide
 STEP = 0.2  # of the prior: small, and far above the solver's tolerances
 EVERY = pytest.mark.parametrize("entry", CATALOGUE.values(), ids=list(CATALOGUE))
 SMOOTH = pytest.mark.parametrize(
@@ -63,7 +64,7 @@ SMOOTH = pytest.mark.parametrize(
 def points() -> Points:
     """Loads over an hour, and a standby, all of them away from the edges of what can run."""
     rng = np.random.default_rng(21)
-    count = 16
+    count = COUNT
     return Points(
         D1=rng.uniform(0.6, 0.95, count),
         D2=rng.uniform(0.05, 0.3, count),
@@ -107,7 +108,7 @@ def test_the_catalogue_has_every_name_under_its_stage() -> None:
 
 @EVERY
 def test_off_returns_the_very_objects_it_was_given(entry: Effect) -> None:
-    given, values, state = points(), entry.off_values(), {"P1_W": np.ones(16)}
+    given, values, state = points(), entry.off_values(), {"P1_W": np.ones(COUNT)}
     converter = Model.baseline().converter
     assert entry.converter(converter, values) is converter
     assert entry.set_points(given, values) is given

@@ -1,0 +1,244 @@
+"""A converter as plain data (what a TOML file holds), and back, with everything that is wrong with it listed.
+
+The keys are those of the parameter objects (:mod:`sim.parameters`). A bridge with ``outer``, ``inner`` and ``clamp`` is
+three-level, one with ``switch`` two-level. A device is the name of a part in ``sim/devices`` or a table like one of
+those files, in which a value may be a bare number or ``{ value, tolerance, source }``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from difflib import get_close_matches
+from typing import Any, TypeVar
+
+from sim.datasheet import load_diode, load_switch
+from sim.parameters import (
+    Capacitance,
+    Conduction,
+    Converter,
+    Core,
+    Diode,
+    FullBridge,
+    Inductor,
+    NpcBridge,
+    ParameterError,
+    Recovery,
+    Switch,
+    SwitchingEnergy,
+    Transformer,
+    Winding,
+)
+
+T = TypeVar("T")
+Plain = dict[str, Any]
+_SECTIONS: dict[type, dict[str, type]] = {
+    Switch: {
+        "on": Conduction, "reverse": Conduction, "turn_off": SwitchingEnergy, "turn_on": SwitchingEnergy,
+        "recovery": Recovery, "capacitance": Capacitance,
+    },
+    Diode: {"on": Conduction, "recovery": Recovery, "capacitance": Capacitance},
+    Inductor: {"winding": Winding, "core": Core},
+    Transformer: {"winding": Winding, "core": Core},
+}  # fmt: skip
+_USUALLY = {  # where a file may be silent
+    "secondary_delay_s": 0.0, "auxiliary_power_W": 0.0, "input_cable_Ohm": 0.0, "output_cable_Ohm": 0.0,
+    "link_resistance_Ohm": 0.0,
+}  # fmt: skip
+_TEXTS = {"part", "name", "modulation"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wrong:
+    """One thing that is wrong: the keys that lead to it, the value, what is allowed."""
+
+    keys: tuple[str, ...]
+    value: object
+    allowed: str
+
+
+class ConverterDataError(ParameterError):
+    """Plain data that describe no converter; ``wrong`` lists why."""
+
+    def __init__(self, wrong: list[Wrong]) -> None:
+        lines = (f"{'.'.join(w.keys) or 'converter'} = {w.value!r}: {w.allowed}" for w in wrong)
+        super().__init__("; ".join(lines))
+        self.wrong = tuple(wrong)
+
+
+def converter_from_plain(data: Mapping[str, Any], modulation: str | None = None) -> Converter:
+    """The converter that plain data describe, driven by ``modulation`` or by its primary's usual one.
+
+    Raises
+    ------
+    ConverterDataError
+        With every unknown, missing, mistyped or contradictory key.
+    """
+    reader = _Reader()
+    converter = reader.converter(data, modulation)
+    if reader.wrong or converter is None:
+        raise ConverterDataError(reader.wrong)
+    return converter
+
+
+def converter_to_plain(converter: Converter) -> Plain:
+    """Plain data of a converter; a device that is as its data file says is named only."""
+    plain = _plain(converter)
+    del plain["modulation"]
+    for bridge in ("primary", "secondary"):
+        devices = getattr(converter, bridge)
+        plain[bridge] = {f.name: _device_plain(getattr(devices, f.name)) for f in fields(devices)}
+    return plain
+
+
+def _plain(owner: Any) -> Plain:
+    values = {f.name: getattr(owner, f.name) for f in fields(owner)}
+    return {k: _plain(v) if is_dataclass(v) else v for k, v in values.items()}
+
+
+def _device_plain(device: Switch | Diode) -> str | Plain:
+    try:
+        known = load_switch(device.part) if isinstance(device, Switch) else load_diode(device.part)
+        if known == device:
+            return device.part
+    except (ParameterError, KeyError):
+        pass  # no part of ours: written out
+    plain, tolerances = _plain(device), device.tolerances
+    del plain["tolerances"]
+    plain["thermal"] = {"resistance_K_per_W": plain.pop("thermal_K_per_W")}
+    for section, values in plain.items():
+        if isinstance(values, dict):
+            plain[section] = {
+                name: {"value": value, "tolerance": tolerances.get(f"{section}.{name}", 0.0)}
+                for name, value in values.items()
+            }
+    return plain
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Builds parameter objects and collects what is wrong."""
+
+    wrong: list[Wrong] = field(default_factory=list)
+
+    def converter(self, data: Mapping[str, Any], modulation: str | None) -> Converter | None:
+        found = {**_USUALLY, **data}
+        for name, section in (("inductor", Inductor), ("transformer", Transformer)):
+            found[name] = self._table(section, found.get(name), (name,))
+        found["primary"] = self._bridge(found.get("primary"), "primary")
+        found["secondary"] = self._bridge(found.get("secondary"), "secondary")
+        if found["primary"] is not None:
+            found["modulation"] = modulation or found["primary"].modulations[0]
+        converter = self._object(Converter, found, ())
+        if converter is not None:
+            self._contradictions(converter)
+        return converter
+
+    def _contradictions(self, converter: Converter) -> None:
+        per_Hz = converter.transformer.turns_ratio * converter.V1_V * converter.V2_V
+        most_W = float(per_Hz / (8 * converter.frequency_Hz * converter.inductor.inductance_H))
+        if converter.rated_power_W > most_W:
+            allowed = f"n V1 V2 / (8 fs L) is {most_W:.0f} W: these values carry no more, whatever the phase"
+            self._add(("rated_power_W",), converter.rated_power_W, allowed)
+
+    def _bridge(self, data: Any, name: str) -> NpcBridge | FullBridge | None:
+        if not isinstance(data, Mapping):
+            self._add((name,), data, "a table: outer, inner, clamp (three-level) or switch (two-level)")
+            return None
+        kind = NpcBridge if "switch" not in data and name == "primary" else FullBridge
+        loaders = {f.name: self._diode if f.name == "clamp" else self._switch for f in fields(kind)}
+        found = dict(data)
+        for key, load in loaders.items():
+            if key in found:
+                found[key] = load(found[key], (name, key))
+        return self._object(kind, found, (name,))  # type: ignore[return-value]
+
+    def _switch(self, data: Any, keys: tuple[str, ...]) -> Switch | None:
+        return self._device(Switch, data, keys)
+
+    def _diode(self, data: Any, keys: tuple[str, ...]) -> Diode | None:
+        return self._device(Diode, data, keys)
+
+    def _device(self, kind: type[T], data: Any, keys: tuple[str, ...]) -> T | None:
+        if isinstance(data, str):
+            try:
+                return load_switch(data) if kind is Switch else load_diode(data)  # type: ignore[return-value]
+            except (ParameterError, KeyError) as error:
+                self._add(keys, data, str(error))
+                return None
+        if not isinstance(data, Mapping):
+            self._add(keys, data, "the name of a part, or a table with its values")
+            return None
+        tolerances: dict[str, float] = {}
+        found = {k: v for k, v in data.items() if k != "kind"}
+        for section, values in found.items():
+            if isinstance(values, Mapping):
+                found[section] = {
+                    name: self._value(value, (*keys, section, name), tolerances)
+                    for name, value in values.items()
+                }
+        thermal = found.pop("thermal", {})
+        if isinstance(thermal, Mapping) and "resistance_K_per_W" in thermal:
+            found["thermal_K_per_W"] = thermal["resistance_K_per_W"]
+        if "tolerances" in found:
+            self._add(
+                (*keys, "tolerances"), found["tolerances"], "belongs to each value: { value, tolerance }"
+            )
+        return self._table(kind, {**found, "tolerances": tolerances}, keys)
+
+    def _value(self, entry: Any, keys: tuple[str, ...], tolerances: dict[str, float]) -> Any:
+        """A number, and its tolerance if it has one."""
+        if not isinstance(entry, Mapping):
+            return entry
+        unknown = set(entry) - {"value", "tolerance", "source"}
+        if unknown or "value" not in entry:
+            self._add(keys, dict(entry), "a number, or a table of value, tolerance and source")
+            return None
+        tolerances[".".join(keys[-2:])] = float(entry.get("tolerance", 0.0))
+        return entry["value"]
+
+    def _table(self, kind: type[T], data: Any, keys: tuple[str, ...]) -> T | None:
+        """An object whose sections are objects too."""
+        if not isinstance(data, Mapping):
+            self._add(keys, data, f"a table with {', '.join(_names(kind))}")
+            return None
+        found = dict(data)
+        for name, section in _SECTIONS.get(kind, {}).items():
+            if name in found:
+                found[name] = self._table(section, found[name], (*keys, name))
+        return self._object(kind, found, keys)
+
+    def _object(self, kind: type[T], found: Mapping[str, Any], keys: tuple[str, ...]) -> T | None:
+        known = _names(kind)
+        before = len(self.wrong)
+        for name in found:
+            if name not in known:
+                near = get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]!r}? " if near else ""
+                self._add((*keys, name), None, f"unknown key; {hint}known here: {', '.join(known)}")
+        required = {f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING}  # type: ignore[arg-type]
+        for name in sorted(required - set(found)):
+            self._add((*keys, name), None, "is missing")
+        for name, value in found.items():
+            if name in known and not self._fits(name, value):
+                self._add((*keys, name), value, "text" if name in _TEXTS else "a number")
+        if len(self.wrong) > before or any(found[name] is None for name in found):
+            return None
+        try:
+            return kind(**found)
+        except ParameterError as error:
+            self._add(keys, None, str(error))
+            return None
+
+    @staticmethod
+    def _fits(name: str, value: Any) -> bool:
+        if value is None or is_dataclass(value) or name == "tolerances":
+            return True
+        if name == "synchronous":
+            return isinstance(value, bool)
+        return isinstance(value, str) if name in _TEXTS else type(value) in (int, float)
+
+    def _add(self, keys: tuple[str, ...], value: object, allowed: str) -> None:
+        self.wrong.append(Wrong(keys=keys, value=value, allowed=allowed))
+
+
+def _names(kind: type) -> list[str]:
+    return [f.name for f in fields(kind)]
