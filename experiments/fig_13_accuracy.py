@@ -170,12 +170,11 @@ def _bars(shown: dict[str, list[Errors]]) -> Picture:
                 [place - 0.4, place + 0.4], [paper[kind]] * 2, color=COLOURS[1], lw=2.4, zorder=4,
                 label="the paper" if place == 0 else None,
             )  # fmt: skip
-        axis.annotate(f"{mean:.3g}", (place, mean), xytext=(13, 2), textcoords="offset points", fontsize=8)
     floor, _ = over_labs(shown[D2EA], "floor")
     axis.axhline(floor, color=COLOURS[6], ls="--", lw=1.2, label="noise floor")
     axis.set_yscale("log")
     dress(axis, "Error on points that were not fitted", "", "mean |predicted − measured| (points)")
-    rotated(axis, [SAID[kind] for kind in kinds])
+    rotated(axis, [f"{SAID[kind]}: {over_labs(shown[kind], 'read')[0]:.2g}" for kind in kinds])
     axis.yaxis.set_major_formatter("{x:g}")
     axis.legend(fontsize=8, frameon=False, ncols=2)
     caption = (

@@ -221,14 +221,14 @@ def _notes(
     by_name = {s.name: s for s in searched}
     savl, longer = by_name[PSO_SAVL.name], by_name[LONGER.name]
     return (
-        f"at Table IV's budget the published algorithm misses the exact optimum by {savl.regret.mean():.3f} points on "
-        f"average and {savl.regret.max():.3f} at worst; ten times the iterations leave {longer.regret.mean():.4f} and "
+        f"at Table IV's budget the published algorithm misses the exact optimum by {savl.regret.mean():.3f} points "
+        f"on average and {savl.regret.max():.3f} at worst; ten times the iterations leave {longer.regret.mean():.4f} and "
         f"{longer.regret.max():.3f}",
         f"half of the targets are smaller than {100 * np.median(near):.2g} % of the square, the smallest "
         f"{100 * near[near > 0].min():.2g} %: a cell that no slope leads to",
         f"on a smooth surrogate the same swarm misses by {smooth.regret.mean():.4f} on average and by "
-        f"{smooth.regret.max():.4f} at worst, at {loads[int(smooth.regret[0].argmax())]:.0f} W: what the trees' cells do "
-        "not explain is a narrow ridge that steps of 0.05 to 0.2 pass over",
+        f"{smooth.regret.max():.4f} at worst, at {loads[int(smooth.regret[0].argmax())]:.0f} W: what the trees' cells "
+        "do not explain is a narrow ridge that steps of 0.05 to 0.2 pass over",
         "what the regret costs on the true surface is smaller than the regret, and may be negative: the trees' highest "
         "cell is as much their error as it is the converter's",
     )
@@ -241,9 +241,10 @@ def _picture(searched: list[Searched], loads: tuple[float, ...], near: Floats) -
                     flierprops={"markersize": 3})  # fmt: skip
     axes[0].axhline(REGRET_BAR, color=COLOURS[6], ls="--", lw=1.2)
     axes[0].set_yscale("symlog", linthresh=0.01)
+    axes[0].set_ylim(-0.001, 4.0)
+    axes[0].yaxis.set_major_formatter("{x:g}")
     dress(axes[0], "Worst regret over the loads", "", "regret (points of efficiency)")
-    rotated(axes[0], [s.name for s in searched])
-    axes[0].set_xticks(range(1, len(searched) + 1), [s.name for s in searched])
+    rotated(axes[0], [s.name for s in searched], start=1)
     savl = next(s for s in searched if s.name == PSO_SAVL.name)
     axes[1].semilogy(
         loads, 100 * np.median(near, axis=0), color=COLOURS[0], marker="o", ms=4, label="median of the labs"
@@ -254,6 +255,7 @@ def _picture(searched: list[Searched], loads: tuple[float, ...], near: Floats) -
     hit = 100 * (1 - 0.5 ** (1 / savl.evaluations))
     axes[1].axhline(hit, color=COLOURS[1], ls="--", lw=1.2, label="500 random points hit it every other time")
     dress(axes[1], "Size of the target", "output power (W)", "share of the square within 0.01 points (%)")
+    axes[1].set_ylim(top=20 * hit)
     axes[1].legend(fontsize=8, frameon=False)
     caption = "Left: worst regret over the loads, over labs and seeds; dashed the bar. Right: how small the target is."
     return picture(figure, "regret", caption)

@@ -60,9 +60,9 @@ def colour_bar(figure: Figure, mesh: ScalarMappable, axes: Sequence[Axes], label
     bar.ax.tick_params(labelsize=8, colors=TEXT)
 
 
-def rotated(axes: Axes, labels: Sequence[str]) -> None:
+def rotated(axes: Axes, labels: Sequence[str], *, start: int = 0) -> None:
     """Names under bars, slanted so that they do not meet."""
-    axes.set_xticks(range(len(labels)), labels, rotation=25, ha="right", fontsize=8)
+    axes.set_xticks(range(start, start + len(labels)), labels, rotation=25, ha="right", fontsize=8)
 
 
 def picture(figure: Figure, name: str, caption: str, *, virtual: bool = True) -> Picture:
