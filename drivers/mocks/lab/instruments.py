@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,11 @@ _TAIL = 6.0  # degrees of freedom of the noise: heavier tails than normal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentErrors:
-    """The fixed errors of one lab's instruments, drawn once; ``noise`` scales what comes on top."""
+    """The fixed errors of one lab's instruments, drawn once, and the noise on top of them.
+
+    ``noise`` scales the noise, as one number or for each of a table's rows; ``tail`` is the degrees of freedom of
+    its distribution, ``correlation`` that of a row's noise with the next one's.
+    """
 
     voltage_gain: dict[int, float]
     current_gain: dict[int, float]
@@ -28,7 +33,9 @@ class InstrumentErrors:
     temperature_K: dict[str, float]
     output_sense: float
     supply_V: float
-    noise: float = 1.0
+    noise: float | Array = 1.0
+    tail: float = _TAIL
+    correlation: float = 0.0
 
 
 def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
@@ -51,6 +58,13 @@ def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
     )
 
 
+def _correlated(white: Array, correlation: float) -> Array:
+    """A first-order autoregression of unit variance along the last axis."""
+    fresh = np.sqrt(1 - correlation**2) * white
+    fresh[..., 0] = white[..., 0]
+    return np.asarray(lfilter([1.0], [1.0, -correlation], fresh, axis=-1))
+
+
 def read_element(
     errors: InstrumentErrors, element: int, volt_amp_watt: Sequence[Array], rng: np.random.Generator
 ) -> tuple[Array, Array, Array]:
@@ -60,7 +74,9 @@ def read_element(
     offset_A = errors.offset_A[element]
 
     def noise() -> Array:
-        draw = rng.standard_t(_TAIL, np.shape(watts)) * np.sqrt((_TAIL - 2) / _TAIL)
+        draw = rng.standard_t(errors.tail, np.shape(watts)) * np.sqrt((errors.tail - 2) / errors.tail)
+        if errors.correlation and np.ndim(watts):
+            draw = _correlated(draw, errors.correlation)
         return np.asarray(1 + errors.noise * _NOISE[element] * draw)
 
     offset_W = offset_A * volts + errors.offset_W[element]

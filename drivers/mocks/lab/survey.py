@@ -3,14 +3,16 @@
 For trials by the hundred. What comes out is a measurement table as a campaign stores it, truth left out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from drivers.mocks.lab.foreign.base import AcReading
 from drivers.mocks.lab.instruments import read_element
 from drivers.mocks.lab.laboratory import Electrical, Laboratory
+from drivers.mocks.lab.waveforms import Heat
 
 Array = NDArray[np.float64]
 
@@ -49,16 +51,19 @@ def schedule(
 def survey(
     lab: Laboratory, plan: Schedule, *, seed: int, supply_V: float = 300.0, samples: int = 8
 ) -> pd.DataFrame:
-    """The measurement table of a schedule: every point settled, readings the mean of ``samples`` updates."""
+    """The measurement table of a schedule: rows in their order, readings the mean of ``samples`` updates."""
     rng = np.random.default_rng(seed)
     on = plan.kind != "standby"
     D1, D2 = np.where(on, plan.D1, _IDLE[0]), np.where(on, plan.D2, _IDLE[1])
     D1, D2 = np.round(D1 * _PWM_COUNTS) / _PWM_COUNTS, np.round(D2 * _PWM_COUNTS) / _PWM_COUNTS
-    truth, heat = lab.settled(D1, D2, plan.power_W, np.full(D1.size, supply_V), plan.time_s)
+    truth, heat = _in_order(lab, plan, D1, D2, np.full(D1.size, supply_V))
     V1, P1 = lab.input_terminals(truth, heat.heatsink_C, plan.time_s)
-    V1, P1 = np.where(on, V1, supply_V + lab.errors.supply_V), np.where(on, P1, 0.0)
-    shown = {e: _averaged(lab, e, _element(e, V1, P1, truth, on), rng, samples) for e in (1, 2, 3, 4)}
-    U1, I1, P1_shown = lab.port_1(*shown[1])
+    idle_V = np.full(D1.size, supply_V + lab.errors.supply_V)
+    V1 = np.where(on, V1, idle_V)
+    P1 = np.where(on, P1, lab.leaked_W(idle_V, heat.heatsink_C, plan.time_s))
+    shown = {e: _averaged(lab, e, _element(e, V1, P1, truth, on), rng, samples) for e in (1, 2)}
+    shown |= {e: _averaged(lab, e, _ac_element(lab, e, truth, D1, D2), rng, samples) for e in (3, 4)}
+    U1, I1, P1_shown = lab.port_1(*shown[1], plan.time_s)
     U2, I2, P2 = shown[2]
 
     def sensor(name: str, values: Array) -> Array:
@@ -90,15 +95,38 @@ def survey(
 def _element(
     element: int, V1: Array, P1: Array, truth: Electrical, on: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array]:
-    """Truth at one element: voltage, current, power."""
+    """Truth at one dc element: voltage, current, power."""
     if element == 1:
         return V1, P1 / V1, P1
-    if element == 2:
-        V2 = np.where(on, truth.V2_V, 0.0)
-        power = np.where(on, truth.P2_W, 0.0)
-        return V2, power / np.where(on, truth.V2_V, 1.0), power
-    power = truth.P_link1_W if element == 3 else truth.P_link2_W
-    return V1, truth.rms_A, power
+    V2 = np.where(on, truth.V2_V, 0.0)
+    power = np.where(on, truth.P2_W, 0.0)
+    return V2, power / np.where(on, truth.V2_V, 1.0), power
+
+
+def _ac_element(
+    lab: Laboratory, element: int, truth: Electrical, D1: Array, D2: Array
+) -> tuple[Array, Array, Array]:
+    """Truth at an element of the ac link, with what is wrong with its probes: rms voltage, current, power."""
+    n = lab.converter.transformer.turns_ratio
+    watts = truth.P_link1_W if element == 3 else truth.P_link2_W
+    volts = truth.link_V * np.sqrt(D1) if element == 3 else truth.V2_V * np.sqrt(1 - D2)
+    amps = truth.rms_A if element == 3 else n * truth.rms_A
+    return volts, amps, lab.ac_watts(AcReading(element=element, watts=watts, volts=volts, amps=amps))
+
+
+def _in_order(
+    lab: Laboratory, plan: Schedule, D1: Array, D2: Array, supply_V: Array
+) -> tuple[Electrical, Heat]:
+    """The rows as they follow each other: what is warm is still warm from the row before.
+
+    A row is measured when its time is over, settled or nearly so, as on a bench.
+    """
+    truth, end = lab.settled(D1, D2, plan.power_W, supply_V, plan.time_s)
+    ambient = lab.ambient_C(plan.time_s) + 0.0 * plan.power_W
+    off = plan.kind == "standby"
+    end = Heat(**{f.name: np.where(off, ambient, getattr(end, f.name)) for f in fields(Heat)})
+    heat = lab.lagging(end, truth.losses, ambient, _POINT_S)
+    return lab.run(lab.demand(D1, D2, plan.power_W, supply_V), plan.power_W, heat, truth), heat
 
 
 def _averaged(
