@@ -7,6 +7,7 @@ from typing import Protocol, TypeVar
 
 from bench.config import BenchConfig, DcDeviceConfig
 from bench.errors import BenchError
+from bench.prediction import model_of
 from drivers.analyzer import Analyzer, load_analyzer_model
 from drivers.clock import Clock
 from drivers.controller import Controller
@@ -154,7 +155,8 @@ def _analyzer(config: BenchConfig, clock: Clock) -> Analyzer:
 
 def _controller(config: BenchConfig) -> Controller:
     link = ByteLink.open(config.controller.resource, baud=config.controller.baud)
-    return Controller(link, heartbeat_s=config.controller.heartbeat_s)
+    modulation = model_of(config.converter).converter.modulation
+    return Controller(link, heartbeat_s=config.controller.heartbeat_s, modulation=modulation)
 
 
 def _modbus(config: DcDeviceConfig) -> ModbusDevice:
