@@ -222,8 +222,8 @@ def _notes(
     savl, longer = by_name[PSO_SAVL.name], by_name[LONGER.name]
     return (
         f"at Table IV's budget the published algorithm misses the exact optimum by {savl.regret.mean():.3f} points "
-        f"on average and {savl.regret.max():.3f} at worst; ten times the iterations leave {longer.regret.mean():.4f} and "
-        f"{longer.regret.max():.3f}",
+        f"on average and {savl.regret.max():.3f} at worst; ten times the iterations leave {longer.regret.mean():.4f} "
+        f"and {longer.regret.max():.3f}",
         f"half of the targets are smaller than {100 * np.median(near):.2g} % of the square, the smallest "
         f"{100 * near[near > 0].min():.2g} %: a cell that no slope leads to",
         f"on a smooth surrogate the same swarm misses by {smooth.regret.mean():.4f} on average and by "

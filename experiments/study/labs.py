@@ -7,6 +7,7 @@ ranges of Table II, of those that the baseline simulation can carry, in random o
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -82,23 +83,22 @@ def set_points(count: int, rng: np.random.Generator) -> Array:
 
 def paced(plan: Schedule) -> Schedule:
     """A schedule over the hours that the paper took for all its data."""
-    time_s = np.linspace(0.0, CAMPAIGN_S, plan.time_s.size)
-    return Schedule(D1=plan.D1, D2=plan.D2, power_W=plan.power_W, kind=plan.kind, time_s=time_s)
+    return replace(plan, time_s=np.linspace(0.0, CAMPAIGN_S, plan.time_s.size))
 
 
-def measured_at(number: int, points: Array, *, seed: int) -> pd.DataFrame:
-    """A lab's readings at (D1, D2, power_W) rows, at the pace of a short campaign; rows that cannot run are absent."""
+def measured_at(number: int, points: Array, *, seed: int, modulation: str = "hybrid") -> pd.DataFrame:
+    """A lab's readings at (D1, D2, power_W) rows, all at one time; rows that cannot run are absent."""
     plan = schedule(*points.T, standby=0, no_load=0, reference_every=len(points) + 1)
-    one = paced(plan)
-    hurried = Schedule(D1=one.D1, D2=one.D2, power_W=one.power_W, kind=one.kind, time_s=np.zeros(one.D1.size))
-    table = survey(laboratory(number), hurried, seed=seed, supply_V=SUPPLY_V)
+    at_once = replace(plan, time_s=np.zeros(plan.time_s.size))
+    table = survey(laboratory(number).driven_by(modulation), at_once, seed=seed, supply_V=SUPPLY_V)
     return table[table["kind"] == "load"].reset_index(drop=True)
 
 
-def true_efficiency(number: int, points: Array, *, time_s: float = 0.0) -> Array:
+def true_efficiency(number: int, points: Array, *, time_s: float = 0.0, modulation: str = "hybrid") -> Array:
     """What the lab's analyzer would show without noise, (N,); NaN where it cannot run."""
     D1, D2, power_W = points.T
-    return noise_free_efficiency(laboratory(number), D1, D2, power_W, supply_V=SUPPLY_V, time_s=time_s)
+    lab = laboratory(number).driven_by(modulation)
+    return noise_free_efficiency(lab, D1, D2, power_W, supply_V=SUPPLY_V, time_s=time_s)
 
 
 def campaign(folder: Path, number: int, points: int) -> pd.DataFrame:

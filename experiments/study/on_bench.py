@@ -2,6 +2,7 @@
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -14,20 +15,27 @@ from drivers.mocks.rack import Rack
 from experiments.study.labs import Array, laboratory, seed_of
 
 
-def measured_on_bench(number: int, points: Array, *, name: str) -> pd.DataFrame:
+def measured_on_bench(number: int, points: Array, *, name: str, modulation: str = "hybrid") -> pd.DataFrame:
     """A campaign over the wires at (D1, D2, power_W) rows, in their order; the measurement table as stored.
 
-    A point that the bench could not run is absent.
+    Only the bench file says which modulation it is. A point that the bench could not run is absent.
     """
     clock = StepClock()
     plant = Plant(laboratory(number), clock=clock, seed=seed_of(number))
     with tempfile.TemporaryDirectory() as folder, Rack(plant) as rack:
-        bench = check(rack.bench_config(), BenchConfig, file="the mock rack")
+        bench = check(_bench(rack, modulation), BenchConfig, file="the mock rack")
         job = Job.prepare(_config(points, name, seed_of(number)), bench, file=name)
         with Store(f"sqlite:///{Path(folder) / 'study.sqlite'}") as store:
             outcome = run_campaign(job, store, clock, progress=lambda _: None)
             table = measurement_table(store, outcome)
     return table[table["kind"] == "load"].reset_index(drop=True)
+
+
+def _bench(rack: Rack, modulation: str) -> dict[str, Any]:
+    """The rack's bench file, with a start that every modulation has."""
+    written: dict[str, Any] = rack.bench_config()
+    converter = written["converter"] | {"modulation": modulation, "start_D1": 1.0, "start_D2": 0.0}
+    return written | {"converter": converter}
 
 
 def _config(points: Array, name: str, seed: int) -> CampaignConfig:

@@ -58,7 +58,7 @@ from sim.simulate import Points, can_run
 
 LOADS_W = np.arange(200.0, 2001.0, 100.0)
 FEW_LOADS_W = (200.0, 600.0, 1000.0, 1600.0)
-THE_LAB, D2EA_EXACT, SPS = "lab", "d2ea_exact", "sps"
+THE_LAB, D2EA_EXACT = "lab", "d2ea_exact"
 METHODS = (SIMULATION_ONLY, EXPERIMENT_ONLY, D2EA, D2EA_EXACT, CALIBRATED, THE_LAB)
 SAID = {
     SIMULATION_ONLY: "simulation only", EXPERIMENT_ONLY: "experiment only", D2EA: "D²EA, PSO-SAVL",
@@ -100,18 +100,21 @@ class Optimum:
 
 @dataclass(frozen=True, slots=True)
 class LabItself:
-    """The lab's noise-free reading as an efficiency model: what no model of it can beat."""
+    """The lab's noise-free reading under a modulation as an efficiency model: what no model of it can beat."""
 
     lab: int
+    modulation: str = "hybrid"
 
     def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
         """Efficiency of the inputs' broadcast shape; NaN where the simulation says that a point cannot run."""
         a, b, c = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (D1, D2, power_W)))
         points = np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1)
-        runs = can_run(Model.baseline(), Points(D1=points[:, 0], D2=points[:, 1], power_W=points[:, 2]))
+        runs = can_run(
+            Model.baseline(self.modulation), Points(D1=points[:, 0], D2=points[:, 1], power_W=points[:, 2])
+        )
         shown = np.full(len(points), np.nan)
         if runs.any():
-            shown[runs] = true_efficiency(self.lab, points[runs])
+            shown[runs] = true_efficiency(self.lab, points[runs], modulation=self.modulation)
         return shown.reshape(a.shape)
 
 
