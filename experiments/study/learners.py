@@ -21,6 +21,7 @@ from models.surrogate import (
     train_experiment_only,
     train_simulation_only,
 )
+from sim.model import Model
 
 SIMULATOR, SIMULATOR_GP = "simulator", "simulator_gp"
 NAMES = {
@@ -46,7 +47,8 @@ class Lesson:
     """Rows to learn from and to predict.
 
     ``simulated`` are XGBoost-I's training rows, ``fitted`` and ``judged`` measured ones with the baseline's efficiency
-    in the column ``simulated``, ``idle`` the campaign's rows without load and its references.
+    in the column ``simulated``, ``idle`` the campaign's rows without load and its references. ``baseline`` is the
+    simulation of the converter, the prototype's by default.
     """
 
     simulated: pd.DataFrame
@@ -54,6 +56,7 @@ class Lesson:
     judged: pd.DataFrame
     idle: pd.DataFrame
     seed: int
+    baseline: Model | None = None
 
 
 def learned(kind: str, lesson: Lesson) -> Floats:
@@ -96,7 +99,7 @@ def _simulator_gp(lesson: Lesson) -> Floats:
 def _calibrated(lesson: Lesson) -> Floats:
     table = pd.concat([lesson.idle, lesson.fitted]).sort_values("time_s", ignore_index=True)
     try:
-        found = diagnose(load_measurements(table), seed=lesson.seed)
+        found = diagnose(load_measurements(table), lesson.baseline, seed=lesson.seed)
     except TooFewPoints:
         return np.full(len(lesson.judged), np.nan)
     return found.calibrated.predict(*inputs_of(lesson.judged))

@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from bench.campaign import Job, measurement_table, run_campaign
@@ -29,6 +30,13 @@ def measured_on_bench(number: int, points: Array, *, name: str, modulation: str 
             outcome = run_campaign(job, store, clock, progress=lambda _: None)
             table = measurement_table(store, outcome)
     return table[table["kind"] == "load"].reset_index(drop=True)
+
+
+def bench_seconds_a_point() -> float:
+    """What a point takes on a bench's own clock by the usual settings: settling at the least, and averaging."""
+    probe = np.array([[0.9, 0.1, 600.0], [0.8, 0.1, 900.0], [0.9, 0.05, 400.0]])
+    table = measured_on_bench(0, probe, name="the bench's clock")
+    return float(np.diff(table["time_s"]).mean())
 
 
 def _bench(rack: Rack, modulation: str) -> dict[str, Any]:

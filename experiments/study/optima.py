@@ -158,23 +158,19 @@ def find(trial: OptimumTrial) -> dict[str, Any]:
     tables[D2EA_EXACT] = optimise_exactly(staged[D2EA], loads, mask)
     tables[CALIBRATED] = optimise_on_lattice(calibrated(trial.folder, trial.lab, trial.points), loads)
     tables[THE_LAB] = optimise_on_lattice(LabItself(trial.lab), loads)
-    return {method: _measured(trial.lab, table) for method, table in tables.items()}
+    return {method: measured(trial.lab, table) for method, table in tables.items()}
 
 
-def _measured(lab: int, table: OptimumTable) -> dict[str, list[float | None]]:
+def measured(lab: int, table: OptimumTable, *, modulation: str = "hybrid") -> dict[str, list[float | None]]:
+    """A table of optima with what the lab reads there, with noise and without, as plain data."""
     found = np.isfinite(table.D1)
     points = np.stack([table.D1, table.D2, table.power_W], axis=1)
-    measured, true = np.full(found.size, np.nan), np.full(found.size, np.nan)
-    true[found] = true_efficiency(lab, points[found])
+    read, true = np.full(found.size, np.nan), np.full(found.size, np.nan)
+    true[found] = true_efficiency(lab, points[found], modulation=modulation)
     runs = found & np.isfinite(true)
-    measured[runs] = measured_at(lab, points[runs], seed=seed_of(lab))["efficiency"]
-    columns = {
-        "D1": table.D1,
-        "D2": table.D2,
-        "predicted": table.predicted,
-        "measured": measured,
-        "true": true,
-    }
+    if runs.any():
+        read[runs] = measured_at(lab, points[runs], seed=seed_of(lab), modulation=modulation)["efficiency"]
+    columns = {"D1": table.D1, "D2": table.D2, "predicted": table.predicted, "measured": read, "true": true}
     return {name: [float(v) if np.isfinite(v) else None for v in value] for name, value in columns.items()}
 
 
