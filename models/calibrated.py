@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.diagnosis.covariance import Whitener, kernel, length_scale
-from models.diagnosis.evidence import Fit, Refinery
-from models.diagnosis.noise import ChannelNoise, sigma_of
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.refinery import Refinery
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import simulate
@@ -75,8 +75,10 @@ class CalibratedPhysics:
         return np.asarray((c.ravel() / (P1 + extra)).reshape(a.shape))
 
 
-def calibrate(refinery: Refinery, fit: Fit, noise: list[ChannelNoise]) -> CalibratedPhysics:
-    """The calibrated physics of one fit: its effect, the spreads under it, and the leftover.
+def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
+    """The calibrated physics of one fit: its effects, the spreads under it, and the leftover.
+
+    ``sigma`` (M,) is the noise of the readings.
 
     The analyzer's gain and offset inside their specification go to the leftover: the surrogate predicts what
     the bench shows. Voltages and ambient are those of the campaign, its medians.
@@ -95,7 +97,7 @@ def calibrate(refinery: Refinery, fit: Fit, noise: list[ChannelNoise]) -> Calibr
     )
     return CalibratedPhysics(
         model=model,
-        leftover=empty.fitted(residual[usable], sigma_of(observations, noise)[usable]),
+        leftover=empty.fitted(residual[usable], sigma[usable]),
         V1_V=float(np.median(np.asarray(p.V1_V))),
         V2_V=float(np.median(np.asarray(p.V2_V)[observations.loaded])),
         ambient_C=float(np.median(np.asarray(p.ambient_C))),

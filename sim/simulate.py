@@ -81,12 +81,28 @@ def simulate_many(models: Sequence[Model], points: Points, near: Result | None =
         results, seed = [_result(first, points, whole)], whole.seed
     if variants:
         size = len(points)
-        converter = stack([model.altered_converter() for model in variants], size)
-        moved = Points.join([model.set_points(points) for model in variants])
-        solved = _solve(converter, moved, seed)
-        for k, model in enumerate(variants):
+        distinct, slots = _circuits(variants, points)
+        converter = stack([altered for altered, _ in distinct], size)
+        solved = _solve(converter, Points.join([moved for _, moved in distinct]), seed)
+        for model, k in zip(variants, slots, strict=True):
             results.append(_result(model, points, solved.rows(slice(k * size, (k + 1) * size))))
     return results
+
+
+def _circuits(models: Sequence[Model], points: Points) -> tuple[list[tuple[Converter, Points]], list[int]]:
+    """The converters and set points that differ, and which of them each model has.
+
+    What an effect adds at the input or does to a reading needs no solution of its own.
+    """
+    distinct: list[tuple[Converter, Points]] = []
+    slots = []
+    for model in models:
+        altered, moved = model.altered_converter(), model.set_points(points)
+        same = (k for k, (other, where) in enumerate(distinct) if other is altered and where is moved)
+        slots.append(next(same, len(distinct)))
+        if slots[-1] == len(distinct):
+            distinct.append((altered, moved))
+    return distinct, slots
 
 
 def can_run(model: Model, points: Points) -> NDArray[np.bool_]:

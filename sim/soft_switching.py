@@ -128,15 +128,15 @@ def commutate(
 ) -> Commutation:
     """Integrate the dead time of each edge in graded steps.
 
-    In a step the charge moves by the current and its slope at the start, the current by the mean of its slopes at start
-    and end (Verlet's rule, of second order).
+    In a step the charge moves by the current and its slope at the start, the current by the mean of its slopes at both
+    ends (Verlet's rule, of second order).
 
     Parameters
     ----------
     current_A : array
         Driving current when the leg's switches open, positive towards the new rail.
     drive : callable
-        ``drive(start_s, end_s)``: mean slope in A/s that the rest of the circuit gives the driving current in a step, time
+        ``drive(start_s, end_s)``: mean slope in A/s that the rest of the circuit gives the current in a step, time
         counted from the edge.
     own_A_per_s : array or float
         Slope that the leg's own voltage adds to that at the new rail, and takes away at the old one.

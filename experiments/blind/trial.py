@@ -36,7 +36,7 @@ class BlindTrial:
 class Answer:
     """What the diagnosis said.
 
-    ``stated`` are the effects that the verdict stands for: the first cause when named, the tied group when
+    ``stated`` are the effects that the verdict stands for: the causes when named, the tied group when
     group, none otherwise. ``first`` is the most probable cause whatever the verdict; ``half_width`` that of
     the 95 % interval of its value. ``refused`` says why there was no answer.
     """
@@ -58,20 +58,16 @@ class Answer:
         """The answer in a diagnosis."""
         verdict = diagnosis.verdict
         first = verdict.causes[0] if verdict.causes else None
-        stated: tuple[str, ...] = ()
-        if verdict.kind == "named" and first is not None:
-            stated = (first.effect,)
-        if verdict.kind == "group":
-            stated = verdict.groups[0]
+        stated = verdict.stated if verdict.kind == "named" else next(iter(verdict.groups), verdict.stated)
         return cls(
             verdict=verdict.kind,
             stated=stated,
             first=None if first is None else first.effect,
             probability=None if first is None else first.probability,
-            value=None if first is None else first.fit.value,
+            value=None if first is None else first.term.value,
             half_width=None
-            if first is None or not math.isfinite(first.fit.sigma)
-            else _Z95 * first.fit.sigma,
+            if first is None or not math.isfinite(first.term.sigma)
+            else _Z95 * first.term.sigma,
             consistent=verdict.consistent_probability,
             leftover=verdict.unknown_probability,
             gap_W=diagnosis.gap["mean_loss_W"],

@@ -1,9 +1,8 @@
 r"""What residuals do without any fault: noise, everyday spreads, the simulation's own accuracy.
 
-.. math:: C = \operatorname{diag}(\sigma^2) + J \Lambda J^T + A + \alpha^2 L
+.. math:: C = \operatorname{diag}(\sigma^2) + J \Lambda J^T + A
 
-with J the spreads' directions, A a smooth inaccuracy of the simulation per channel, and L, where a leftover is
-supposed, a Gaussian process of unmodelled watts over (D1, D2, power), shown to each channel in proportion.
+with J the spreads' directions and A a smooth inaccuracy of the simulation per channel over (D1, D2, power).
 """
 
 from dataclasses import dataclass
@@ -12,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from models.diagnosis.noise import ChannelNoise, sigma_of
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 
 Array = NDArray[np.float64]
 
-_LEAST_LEFT = 1e-9  # of a direction known ten thousand times better than its spread: rounding
+_LEAST_DUTY, _LEAST_SHARE = (
+    0.02,
+    0.05,
+)  # ranges of D1, D2 and power (of its largest) below which they count as one
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
 
 
@@ -40,46 +41,13 @@ class Whitener:
         return np.asarray(cho_solve(self.factor, right, check_finite=False))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Relieved:
-    """A factored covariance without some of its directions: C - J J^T, by Woodbury's identity.
-
-    An effect takes the place of the everyday spread of its own parameters, so its hypothesis is weighed without.
-    """
-
-    base: Whitener
-    directions: Array
-    weighted: Array
-    inner: Array
-    log_determinant: float
-
-    @classmethod
-    def of(cls, base: Whitener, directions: Array) -> "Relieved":
-        """Without the ``directions`` (k, M), which the covariance contains."""
-        weighted = base.solve(directions.T)
-        left = np.eye(len(directions)) - directions @ weighted
-        values, vectors = np.linalg.eigh(0.5 * (left + left.T))
-        values = np.maximum(values, _LEAST_LEFT)
-        return cls(
-            base=base,
-            directions=directions,
-            weighted=weighted,
-            inner=vectors / values @ vectors.T,
-            log_determinant=base.log_determinant + float(np.sum(np.log(values))),
-        )
-
-    def solve(self, right: Array) -> Array:
-        """(C - J J^T)^-1 right."""
-        plain = self.base.solve(right)
-        return np.asarray(plain + self.weighted @ (self.inner @ (self.directions @ plain)))
-
-
 def length_scale(observations: Observations) -> Array:
     """Correlation lengths of D1, D2 and power in their own units, (3,)."""
     p = observations.points
     loaded = observations.loaded
     where = np.stack([p.D1, p.D2, p.power_W], axis=1)[loaded if np.any(loaded) else slice(None)]
-    return np.asarray(np.maximum(np.ptp(where, axis=0), 1e-6) * _LENGTHS)
+    least = np.array([_LEAST_DUTY, _LEAST_DUTY, _LEAST_SHARE * float(np.max(where[:, 2], initial=1.0))])
+    return np.asarray(np.maximum(np.ptp(where, axis=0), least) * _LENGTHS)
 
 
 def locations(observations: Observations) -> Array:
@@ -111,32 +79,13 @@ def accuracy_scale(observations: Observations, baseline: Array) -> Array:
     return np.asarray(np.hypot(fixed, share * loss))
 
 
-def watt_scale(observations: Observations) -> Array:
-    """How much one watt of unmodelled loss moves every reading, (M,)."""
-    return np.array([k.watt for k in observations.channels])[observations.channel]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Covariances:
-    """The covariance without leftover, and the leftover's for an amplitude of one watt, both (M, M)."""
-
-    plain: Array
-    leftover: Array
-
-    def with_leftover(self, amplitude_W: float) -> Array:
-        """Covariance with a leftover of this amplitude."""
-        return np.asarray(self.plain + amplitude_W**2 * self.leftover)
-
-
-def covariances(observations: Observations, noise: list[ChannelNoise], known: Signatures) -> Covariances:
-    """Both covariances of the readings."""
+def covariance(observations: Observations, sigma: Array, known: Signatures) -> Array:
+    """The covariance (M, M) of readings with noise ``sigma`` (M,), with no effect and no leftover."""
     place = locations(observations)[observations.row]
     smooth = kernel(place, place) * same_channel(observations)
     accuracy = accuracy_scale(observations, known.baseline)
-    watt = watt_scale(observations)
-    plain = (
-        np.diag(sigma_of(observations, noise) ** 2 + known.input_sigma**2)
+    return np.asarray(
+        np.diag(sigma**2 + known.input_sigma**2)
         + known.spreads.T @ known.spreads
         + accuracy[:, None] * accuracy[None, :] * smooth
     )
-    return Covariances(plain=plain, leftover=watt[:, None] * watt[None, :] * smooth)

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from models.calibrated import CalibratedPhysics, calibrate
 from models.dataset import Measurements
-from models.diagnosis.covariance import Whitener, covariances
-from models.diagnosis.evidence import Fit, Refinery, posterior
-from models.diagnosis.gain import Gain, held_out_gain
-from models.diagnosis.next_measurement import NextMeasurement, next_measurements
+from models.diagnosis.evidence import Hypothesis, posterior
+from models.diagnosis.gain import Gain, Readings, held_out_gain
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.next_measurement import NextMeasurement, next_measurements, rivals_of
 from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
+from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, plausible
+from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.signatures import power_to_spare, signatures
-from models.diagnosis.verdict import SURE, Cause, Verdict, judge
+from models.diagnosis.verdict import Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
 
@@ -25,6 +27,7 @@ Array = NDArray[np.float64]
 
 LEAST_ROWS = 12
 _Z95 = 1.96
+_OUTLIER = 6.0  # sigmas: one normal reading in a billion
 
 
 class TooFewPoints(ValueError):
@@ -47,6 +50,7 @@ class Diagnosis:
     extended: Model
     calibrated: CalibratedPhysics
     rejected: list[dict[str, Any]]
+    rejected_columns: list[RejectedColumn]
 
     def residual_table(self) -> pd.DataFrame:
         """Measured less simulated by row: the rows' set points and one column a channel."""
@@ -77,26 +81,24 @@ class Diagnosis:
             "model": model_file,
             "noise": {n.channel: n.as_plain() for n in self.noise},
             "rejected_rows": self.rejected,
+            "rejected_columns": [c.as_plain() for c in self.rejected_columns],
         }
 
     def _cause(self, cause: Cause) -> dict[str, Any]:
-        signature = cause.fit.signature
-        assert signature is not None
-        entry, head = signature.entry, signature.entry.headline
-        half = _Z95 * float(
-            np.hypot(cause.fit.sigma, head.tolerance)
-        )  # the part's own spread is in the value
+        term, entry = cause.term, cause.term.signature.entry
+        head = term.head
+        half = _Z95 * float(np.hypot(term.sigma, head.tolerance))  # the part's own spread is in the value
         parameters: list[dict[str, Any]] = [
             {
                 "name": head.name,
                 "unit": head.unit,
-                "value": cause.fit.value,
-                "ci95": [max(cause.fit.value - half, head.lower), min(cause.fit.value + half, head.upper)],
+                "value": term.value,
+                "ci95": [max(term.value - half, head.lower), min(term.value + half, head.upper)],
                 "off": head.off,
             }
         ]
         for p in entry.parameters[1:]:
-            value = signature.other.get(p.name, p.off)
+            value = term.signature.other.get(p.name, p.off)
             parameters.append({"name": p.name, "unit": p.unit, "value": value, "ci95": None, "off": p.off})
         return {
             "effect": cause.effect,
@@ -131,21 +133,40 @@ def _gap(observations: Observations, residual: Array) -> dict[str, Any]:
     }
 
 
-def _share_of_gap(observations: Observations, residual: Array, fit: Fit) -> float:
-    """How much of the mean absolute gap in watts the fit's shift takes away."""
+def _share_of_gap(observations: Observations, residual: Array, shift: Array) -> float:
+    """How much of the mean absolute gap in watts a shift of the prediction takes away."""
     judged = observations.of("efficiency") & observations.loaded[observations.row]
     before = float(np.mean(np.abs(residual[judged])))
-    after = float(np.mean(np.abs((residual - fit.shift)[judged])))
+    after = float(np.mean(np.abs((residual - shift)[judged])))
     return float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 0.0
 
 
-def _extended(baseline: Model, verdict: Verdict) -> Model:
-    """Baseline and the named effect; of a group, its most probable member."""
-    if verdict.kind not in ("named", "group"):
-        return baseline
-    signature = verdict.causes[0].fit.signature
-    assert signature is not None
-    return baseline.with_effect(signature.effect, **signature.values(verdict.causes[0].fit.value))
+def _extended(baseline: Model, verdict: Verdict, fit: Fit) -> Model:
+    """Baseline and the stated effects with their values in a fit."""
+    model = baseline
+    for name in verdict.stated:
+        term = fit.term(name)
+        model = model.with_effect(name, **term.signature.values(term.value))
+    return model
+
+
+def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Fit:
+    """The most probable fit that holds all that the verdict states."""
+    return next((h.fit for h in hypotheses if set(verdict.stated) <= set(h.fit.effects)), hypotheses[0].fit)
+
+
+def _gain(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> Gain | None:
+    """What the stated causes are worth on bands that were not fitted, next to the best without any of them."""
+    if not verdict.stated:
+        return None
+    wrong = (h.fit for h in hypotheses if h.fit.terms and set(verdict.stated).isdisjoint(h.fit.effects))
+    readings = Readings(
+        observations=setting.refinery.observations,
+        residual=setting.refinery.residual,
+        covariance=setting.covariance,
+        leftover=setting.leftover_everywhere(),
+    )
+    return held_out_gain(readings, _leading(hypotheses, verdict), next(wrong, None), seed)
 
 
 def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
@@ -160,6 +181,20 @@ def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
             "at once, so nothing can be told apart",
         }
         for row in lost
+    ]
+
+
+def _outliers(setting: Setting) -> list[dict[str, Any]]:
+    """Single readings that nothing smooth explains, and that therefore count for next to nothing."""
+    o = setting.refinery.observations
+    return [
+        {
+            "row": int(o.row[k]) + 1,
+            "column": o.channels[o.channel[k]].column,
+            "value": float(o.value[k]),
+            "reason": f"{setting.far_off[k]:.0f} sigma from what explains the other rows: it counts for nothing",
+        }
+        for k in np.flatnonzero(setting.far_off > _OUTLIER)
     ]
 
 
@@ -186,6 +221,8 @@ def diagnose(
     ------
     TooFewPoints
         Too few rows to say anything.
+    ImplausibleTable
+        Voltages or set points that cannot be of this converter.
     ParameterError
         ``without`` names an effect that the catalogue does not have.
     """
@@ -196,6 +233,9 @@ def diagnose(
         raise TooFewPoints(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
         )
+    check_inputs(observations, baseline.converter)
+    check_set_points(observations, baseline)
+    observations, rejected_columns = plausible(observations, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
     whole, spare = observations, power_to_spare(observations, baseline)
     observations = observations.take(spare)
@@ -209,45 +249,37 @@ def diagnose(
             f"{usable} rows that the model can carry with some power to spare; a diagnosis needs at least "
             f"{LEAST_ROWS}. Is the model file that of this converter?"
         )
-    residual = observations.value - known.baseline
-    noise = estimate_noise(observations, residual)
-    covariance = covariances(observations, noise, known)
-    refinery = Refinery(
-        known=known,
-        observations=observations,
-        baseline=baseline,
-        whitener=Whitener.of(covariance.plain),
-        near=observations.reference(baseline),
-    )
+    noise = estimate_noise(observations, observations.value - known.baseline)
+    setting = set_up(observations, baseline, known, noise)
+    refinery = setting.refinery
     progress("weighing the causes")
-    hypotheses = posterior(refinery, covariance)
-    left = residual - hypotheses[0].fit.shift
-    misfit = float(left @ refinery.whitener.solve(left)) / left.size
-    verdict = judge(hypotheses, refinery.whitener, misfit)
-    leading = verdict.causes[0].fit if verdict.causes else None
-    chosen = hypotheses[0].fit if leading is None or verdict.kind in ("consistent", "unknown") else leading
-    gain = None
-    if verdict.kind in ("named", "group") and leading is not None:
-        rivals = [c.fit for c in verdict.causes[1:] if c.effect not in verdict.causes[0].tied_with]
-        rivals = rivals or [h.fit for h in hypotheses if h.fit.effect not in ("nothing", leading.effect)][:1]
+    hypotheses = posterior(refinery)
+    verdict = judge(hypotheses, refinery.geometry.whitener, _misfit(setting, hypotheses))
+    if verdict.stated:
         progress("holding out bands of power")
-        gain = held_out_gain(observations, known, covariance, leading, rivals[0] if rivals else None, seed)
+    chosen = _leading(hypotheses, verdict)
     return Diagnosis(
         verdict=verdict,
         observations=observations,
         baseline=baseline,
-        residual=residual,
+        residual=refinery.residual,
         noise=noise,
-        gap=_gap(observations, residual),
-        share={c.effect: _share_of_gap(observations, residual, c.fit) for c in verdict.causes},
-        gain=gain,
-        next=[]
-        if verdict.causes and verdict.causes[0].probability >= SURE
-        else next_measurements(observations, baseline, verdict.causes),
-        extended=_extended(baseline, verdict),
-        calibrated=calibrate(refinery, chosen, noise),
-        rejected=[*map(_plain_row, measurements.rejected), *rejected],
+        gap=_gap(observations, refinery.residual),
+        share={c.effect: _share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
+        gain=_gain(setting, hypotheses, verdict, seed),
+        next=next_measurements(observations, rivals_of(hypotheses, refinery)),
+        extended=_extended(baseline, verdict, chosen),
+        calibrated=calibrate(refinery, chosen, setting.sigma),
+        rejected=[*map(_plain_row, measurements.rejected), *rejected, *_outliers(setting)],
+        rejected_columns=rejected_columns,
     )
+
+
+def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:
+    """Chi-squared per reading that the most probable hypothesis leaves where no leftover stands beside it."""
+    best = next(h.fit for h in hypotheses if h.leftover is None)
+    left = (setting.refinery.residual - best.shift)[None]
+    return float(setting.refinery.geometry.project(left).each_other[0, 0]) / left.size
 
 
 def _plain_row(row: Any) -> dict[str, Any]:

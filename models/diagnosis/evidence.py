@@ -1,65 +1,33 @@
-r"""Evidence: how well each hypothesis explains the residuals, against its own complexity.
+"""The search: every effect alone, then pairs and triples of what leads, each against nothing and a leftover.
 
-A hypothesis is "nothing" or one effect, each without or with a smooth leftover. An effect's value has the prior
-N(off, prior^2); with signature s the marginal likelihood is closed (Bishop, 2006, section 3.5.1): for residual r and
-covariance C, with :math:`d^2 = s^T C^{-1} s` and :math:`b = s^T C^{-1} r`,
-
-.. math:: \ln \frac{p(r | effect)}{p(r | nothing)} = \frac{b^2}{2 (d^2 + 1/\tau^2)} - \frac12 \ln(1 + \tau^2 d^2).
-
-That screens the catalogue. Then every hypothesis, nothing included, is simulated at its fitted value and at the
-most probable state of all everyday spreads under it, until it stands still (Gauss-Newton); its evidence is
-Laplace's at that point.
+All are screened in closed form on their tangents; what is in reach of the best is simulated at its values until it
+stands still. In the end every hypothesis is weighed again beside every leftover.
 """
 
-from dataclasses import dataclass, field, replace
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Covariances, Relieved, Whitener
-from models.diagnosis.observations import Observations
-from models.diagnosis.signatures import Signature, Signatures
-from sim.effects.base import EffectParameter
-from sim.model import Model
-from sim.simulate import Result
+from models.diagnosis.hypotheses import Fit, Term, weigh
+from models.diagnosis.leftover import Leftover
+from models.diagnosis.refinery import Refinery, hopeless
+from models.diagnosis.signatures import Signature
 
 Array = NDArray[np.float64]
 
-AMPLITUDES_W = (0.5, 1.5, 5.0)  # of a leftover, where there is one
-_CONSISTENT, _LEFTOVER = 0.5, 0.2  # prior probabilities
-_LEADING = 8  # candidates that are followed to the end
-_BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
-_ROUNDS = 5
+P_CONSISTENT, P_LEFTOVER = 0.5, 0.2
+P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
+_FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
+_TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
+_IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
-_REACH = 3.0  # prior scales that a line is trusted over
 _BENT = 4.0  # squared sigmas between a line and the simulation from which more starts are tried
 _FAR = (-1.0, -0.4, 0.4, 1.0)  # of the prior scale: where they are
-_GAINED = 0.3  # in log evidence
-_STILL = 0.05  # of the value's standard deviation
-_WITHIN = 3.0  # sigmas that a spread may take
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
-    """One hypothesis fitted: nothing (``signature`` None) or an effect's value with its standard deviation.
-
-    ``shift`` (M,) is what it adds to the baseline's prediction, beside the linear part of the spreads;
-    ``slope`` (M,) its change per unit of the value; ``log_evidence`` counts against the bare baseline. ``own``
-    (k, M) are the everyday spreads of the effect's own parameters, whose place its value takes.
-    """
-
-    signature: Signature | None
-    value: float
-    sigma: float
-    log_evidence: float
-    shift: Array
-    slope: Array
-    own: Array = field(default_factory=lambda: np.empty((0, 0)))
-
-    @property
-    def effect(self) -> str:
-        """The effect's name, or "nothing"."""
-        return "nothing" if self.signature is None else self.signature.effect
+_REACH = 3.0  # prior scales that a line is trusted over
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,257 +35,206 @@ class Hypothesis:
     """A fit with or without leftover, and its posterior probability."""
 
     fit: Fit
-    leftover_W: float
+    leftover: Leftover | None
     probability: float
 
 
-def _within(head: EffectParameter, value: float) -> float:
-    return float(np.clip(value, head.lower, head.upper))
+def log_prior(fit: Fit, catalogue: int) -> float:
+    """Log prior of a hypothesis out of a catalogue of so many effects; each shares it among its variants."""
+    causes = len(fit.terms)
+    if causes == 0:
+        return float(np.log(P_CONSISTENT))
+    variants = math.prod(len(t.signature.entry.variants()) for t in fit.terms)
+    ways = math.comb(catalogue, causes) * variants
+    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways)
 
 
-def _relieved(own: Array, whitener: Whitener) -> Whitener | Relieved:
-    """The covariance under a hypothesis: without the everyday spread of the parameters that it explains."""
-    return Relieved.of(whitener, own) if own.size else whitener
+def posterior(refinery: Refinery) -> list[Hypothesis]:
+    """Every hypothesis with its probability, the most probable first."""
+    return weighed_with_leftovers(refinery, search(refinery))
 
 
-def _screened(signature: Signature, own: Array, residual: Array, whitener: Whitener) -> Fit:
-    """The closed form for one signature; ``own`` (k, M) are the spreads of its own parameters."""
-    head = signature.entry.headline
-    under = _relieved(own, whitener)
-    weighted = under.solve(signature.slope)
-    d2, b = float(signature.slope @ weighted), float(weighted @ residual)
-    precision = d2 + 1 / head.prior**2
-    value = _within(head, head.off + float(np.clip(b / precision, -_REACH * head.prior, _REACH * head.prior)))
-    changed = log_likelihood(residual, under) - log_likelihood(residual, whitener) if own.size else 0.0
-    return Fit(
-        signature=signature,
-        value=value,
-        sigma=float(1 / np.sqrt(precision)),
-        log_evidence=0.5 * b**2 / precision - 0.5 * float(np.log1p(head.prior**2 * d2)) + changed,
-        shift=signature.slope * (value - head.off),
-        slope=signature.slope,
-        own=own,
-    )
+def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypothesis]:
+    """Fits without and with every leftover, the values beside a leftover fitted again."""
+    geometry, catalogue = refinery.geometry, len({s.effect for s in refinery.known.effects})
+    configurations = geometry.leftovers.configurations
+    shares: list[tuple[Leftover | None, float]] = [
+        (None, math.log(1 - P_LEFTOVER) if configurations else 0.0)
+    ]
+    shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
+    found: list[tuple[Fit, Leftover | None, float]] = []
+    for fit in fits:
+        seen, own = geometry.project(fit.vectors(refinery.residual)), fit.own(refinery.known)
+        prior = log_prior(fit, catalogue)
+        for leftover, share in shares:
+            w = weigh(fit, seen, geometry, own, leftover)
+            terms = tuple(replace(t, sigma=float(s)) for t, s in zip(fit.terms, w.sigma, strict=True))
+            # without leftover the simulator has the last word; beside one the tangents have
+            evidence = w.log_evidence if leftover is None else w.promised
+            settled = replace(fit, terms=terms, log_evidence=evidence)
+            found.append((settled.moved(w.step), leftover, prior + share + evidence))
+    log = np.array([p for _, _, p in found])
+    probability = np.exp(log - np.logaddexp.reduce(log))
+    return [
+        Hypothesis(fit=found[k][0], leftover=found[k][1], probability=float(probability[k]))
+        for k in np.argsort(-probability)
+    ]
 
 
-def _laplace(fit: Fit, residual: Array, whitener: Whitener) -> tuple[Fit, float]:
-    """The fit with Laplace's evidence at its shift, and the Gauss-Newton step of its value from there."""
-    under = _relieved(fit.own, whitener)
-    left = residual - fit.shift
-    weighted = under.solve(np.stack([fit.slope, left], axis=1))
-    bare = float(residual @ whitener.solve(residual)) + whitener.log_determinant
-    misfit = float(left @ weighted[:, 1]) + under.log_determinant - bare
-    if fit.signature is None:
-        return replace(fit, log_evidence=-0.5 * misfit), 0.0
-    head = fit.signature.entry.headline
-    away = (fit.value - head.off) / head.prior
-    precision = float(fit.slope @ weighted[:, 0]) + 1 / head.prior**2
-    step = (float(fit.slope @ weighted[:, 1]) - away / head.prior) / precision
-    gained = 0.5 * min(precision * step**2, 1.0)  # what a last, small step still gains
-    evidence = -0.5 * (misfit + away**2) - 0.5 * float(np.log(head.prior**2 * precision)) + gained
-    return replace(fit, sigma=float(1 / np.sqrt(precision)), log_evidence=evidence), step
+def on_tangents(refinery: Refinery) -> list[Fit]:
+    """Nothing and every effect alone on its tangent, without any simulation: a first look."""
+    nothing = Fit.nothing(refinery.residual.size)
+    lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
+    return [replace(nothing, log_evidence=refinery.weighed(nothing).log_evidence), *lines]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Refinery:
-    """Simulates hypotheses at their fitted values and spreads, each starting from ``near``."""
-
-    known: Signatures
-    observations: Observations
-    baseline: Model
-    whitener: Whitener
-    near: Result | None = None
-
-    @property
-    def residual(self) -> Array:
-        """Readings less the baseline's prediction, (M,)."""
-        return self.observations.value - self.known.baseline
-
-    def spreads(self, fit: Fit) -> Array:
-        """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
-        under = _relieved(fit.own, self.whitener)
-        all_of_them = self.known.spreads @ under.solve(self.residual - fit.shift)
-        state = np.clip(all_of_them[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
-        if fit.signature is not None:
-            state[self.known.own_spreads(fit.effect)] = 0.0
-        return np.asarray(state)
-
-    def model(self, fit: Fit, spreads: Array, more: float = 0.0) -> Model:
-        """The baseline with these spreads and the fit's effect, its value moved by ``more``."""
-        converter = self.baseline.converter
-        for entry, sigmas in zip(self.known.spread_entries, spreads, strict=True):
-            converter = entry.shifted(converter, float(sigmas))
-        model = Model(converter=converter, effects=self.baseline.effects)
-        if fit.signature is None:
-            return model
-        return model.with_effect(fit.effect, **fit.signature.values(fit.value + more))
-
-    def simulated(self, fits: list[Fit], *, slopes: bool) -> list[Fit]:
-        """Every fit with its shift (and slope) from the simulator; where that has no answer, the old one stays."""
-        models, steps, states = [], [], [self.spreads(fit) for fit in fits]
-        for fit, state in zip(fits, states, strict=True):
-            models.append(self.model(fit, state))
-            steps.append(_beside(fit) if slopes else 0.0)
-            if steps[-1] != 0.0:
-                models.append(self.model(fit, state, steps[-1]))
-        seen = iter(self.observations.simulate(models, self.near))
-        moved = []
-        for fit, step, state in zip(fits, steps, states, strict=True):
-            linear = state @ self.known.spreads[: state.size]
-            here = next(seen)
-            shift = here - linear - self.known.baseline
-            shift = np.where(np.isfinite(shift), shift, fit.shift)
-            slope = (next(seen) - here) / step if step != 0.0 else fit.slope
-            moved.append(replace(fit, shift=shift, slope=np.where(np.isfinite(slope), slope, fit.slope)))
-        return moved
-
-    def followed(self, fits: list[Fit]) -> list[Fit]:
-        """Gauss-Newton until all stand still, each from its best state; what falls far behind is left there.
-
-        A step that loses evidence is halved from the best state seen: where edges pass each other the simulation
-        is not smooth.
-        """
-        best: dict[str, Fit] = {}
-        for turn in range(_ROUNDS):
-            ahead = []
-            for fit, step in (
-                _laplace(f, self.residual, self.whitener) for f in self.simulated(fits, slopes=True)
-            ):
-                known = best.get(fit.effect)
-                if known is not None and fit.log_evidence < known.log_evidence:
-                    ahead.append(_moved(known, 0.5 * (fit.value - known.value)))
-                    continue
-                best[fit.effect] = fit
-                gained = np.inf if known is None else fit.log_evidence - known.log_evidence
-                if (
-                    abs(step) > _STILL * fit.sigma or gained > _GAINED
-                ):  # the spreads settle too, even of nothing
-                    ahead.append(_moved(fit, step))
-            least = _hopeless(max(fit.log_evidence for fit in best.values())) if turn else -np.inf
-            fits = [fit for fit in ahead if best[fit.effect].log_evidence >= least]
-            if not fits:
-                break
-        return list(best.values())
+def search(refinery: Refinery) -> list[Fit]:
+    """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
+    nothing, *singles = _alone(refinery)
+    fits = [nothing, *singles]
+    for size, most in ((2, _PAIRS), (3, _TRIPLES)):
+        base = [f for f in fits if len(f.terms) == size - 1]
+        larger = _larger(refinery, nothing, base, fits, most)
+        if not larger:
+            break
+        fits += larger
+    return fits
 
 
-def _hopeless(best: float) -> float:
-    """Evidence below which a candidate will not catch up with the best."""
-    return best - max(_BEHIND, 0.3 * abs(best))
+def _alone(refinery: Refinery) -> list[Fit]:
+    """Nothing, and every effect alone: all simulated once, those that lead or are not on a line to the end."""
+    nothing = Fit.nothing(refinery.residual.size)
+    lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
+    scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
+    nothing, *curves = refinery.simulated([nothing, *lines, *scans])
+    curves, scans = curves[: len(lines)], curves[len(lines) :]
+    starts = [
+        start
+        for line, curve in zip(lines, curves, strict=True)
+        if not line.terms[0].head.starts and _bent(refinery, line, curve)
+        for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
+    ]
+    tried = [*map(_tangent, lines, curves), *scans, *(refinery.simulated(starts) if starts else [])]
+    bent = {fit.effects for fit in [*starts, *scans]}
+    once = _best(tried)
+    leader = max(nothing.log_evidence, once[0].log_evidence)
+    chosen = [
+        fit
+        for k, fit in enumerate(once)
+        if fit.effects in bent
+        or (fit.log_evidence > hopeless(leader) and (k < _FOLLOWED or _significant(refinery, fit)))
+    ]
+    names = {fit.effects for fit in chosen}
+    nothing, *followed = refinery.followed([nothing, *chosen], leader)
+    return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])]
 
 
-def _significant(fit: Fit) -> bool:
-    """Whether the value is off by more than its own uncertainty could be, everyday spread included."""
-    if fit.signature is None:
-        return False
-    head = fit.signature.entry.headline
-    return abs(fit.value - head.off) > _SIGNIFICANT * float(np.hypot(fit.sigma, head.tolerance))
+def _screened(refinery: Refinery, nothing: Fit, signature: Signature) -> Fit:
+    """One effect at the best value of its line, about nothing's simulated state."""
+    term = Term(signature=signature, value=signature.entry.headline.off, sigma=np.inf, slope=signature.slope)
+    return _fitted_line(refinery, replace(nothing, terms=(term,)))
 
 
-def _beside(fit: Fit) -> float:
-    """A step of the value for its slope; 0 where the effect has none or is not smooth."""
-    if fit.signature is None or fit.signature.entry.threshold:
-        return 0.0
-    head = fit.signature.entry.headline
-    step = 0.05 * max(abs(fit.value - head.off), head.tolerance, 0.02 * head.prior)
-    return step if fit.value + step <= head.upper else -step
-
-
-def _moved(fit: Fit, step: float) -> Fit:
-    if fit.signature is None:
-        return fit
-    head = fit.signature.entry.headline
-    value = _within(head, fit.value + float(np.clip(step, -0.7 * head.prior, 0.7 * head.prior)))
-    return replace(fit, value=value, shift=fit.shift + fit.slope * (value - fit.value))
+def _fitted_line(refinery: Refinery, fit: Fit) -> Fit:
+    """A fit moved to the best values of its tangents, with its evidence there."""
+    weighed = refinery.weighed(fit)
+    reach = _REACH * np.array([t.head.prior for t in fit.terms])
+    moved = fit.moved(np.clip(weighed.step, -reach, reach))
+    return replace(moved, log_evidence=refinery.weighed(moved).log_evidence)
 
 
 def _best_variants(fits: list[Fit]) -> list[Fit]:
-    """One fit an effect: its best variant, with the evidence averaged over the variants tried."""
-    found: dict[str, list[Fit]] = {}
+    """One fit an effect: its best variant, which pays for having been chosen among so many."""
+    found: dict[tuple[str, ...], list[Fit]] = {}
     for fit in fits:
-        found.setdefault(fit.effect, []).append(fit)
-    best = []
-    for variants in found.values():
-        evidence = np.array([f.log_evidence for f in variants])
-        mean = float(np.logaddexp.reduce(evidence) - np.log(evidence.size))
-        best.append(replace(variants[int(np.argmax(evidence))], log_evidence=mean))
-    return best
+        found.setdefault(fit.effects, []).append(fit)
+    return [max(variants, key=lambda f: f.log_evidence) for variants in found.values()]
 
 
-def _starts(line: Fit, curve: Fit, whitener: Whitener) -> list[Fit]:
-    """More values to start from, for an effect whose simulated shift is not its line: Gauss-Newton may go astray."""
-    assert line.signature is not None
-    bend = curve.shift - line.shift
-    if float(bend @ whitener.solve(bend)) < _BENT:
-        return []
-    head = line.signature.entry.headline
-    values = {_within(head, head.off + far * head.prior) for far in _FAR}
-    return [
-        replace(line, value=v, shift=line.slope * (v - head.off)) for v in sorted(values) if v != head.off
-    ]
+def _bent(refinery: Refinery, line: Fit, curve: Fit) -> bool:
+    """Whether the simulated shift is not the line: Newton's steps from there may go astray."""
+    bend = (curve.shift - line.shift)[None]
+    return float(refinery.geometry.project(bend).each_other[0, 0]) > _BENT
 
 
-def _best_starts(fits: list[Fit]) -> list[Fit]:
-    """The best fit of each effect, best first."""
-    best: dict[str, Fit] = {}
-    for fit in sorted(fits, key=lambda f: -f.log_evidence):
-        best.setdefault(fit.effect, fit)
+def _moved_to(line: Fit, values: Iterable[float]) -> list[Fit]:
+    """The line at other values, inside the bounds and not at off."""
+    (term,) = line.terms
+    inside = {term.moved(value - term.value).value for value in values} - {term.head.off}
+    return [line.moved(np.array([value - term.value])) for value in sorted(inside)]
+
+
+def _tangent(line: Fit, curve: Fit) -> Fit:
+    """The simulated fit with the slope at its value, taken as a parabola from off through what was simulated."""
+    (term,) = curve.terms
+    if term.signature.entry.threshold or abs(term.distance) < 0.1 * term.head.prior:
+        return curve
+    bend = 2 * (curve.shift - line.shift) / term.distance
+    return replace(curve, terms=(replace(term, slope=term.slope + bend),))
+
+
+def _best(fits: Iterable[Fit]) -> list[Fit]:
+    """The best fit of each set of effects, best first."""
+    best: dict[tuple[str, ...], Fit] = {}
+    for fit in _sorted(fits):
+        best.setdefault(fit.effects, fit)
     return list(best.values())
 
 
-def fitted(refinery: Refinery) -> tuple[Fit, list[Fit]]:
-    """Nothing, and every effect alone, best first.
-
-    All are simulated once; those that lead, and those that are not nearly linear, to the end.
-    """
-    residual, whitener = refinery.residual, refinery.whitener
-    still = np.zeros_like(residual)
-    nothing = Fit(signature=None, value=0.0, sigma=0.0, log_evidence=0.0, shift=still, slope=still)
-    (nothing,) = refinery.followed([nothing])
-    known = refinery.known
-    screened = [
-        _screened(s, known.spreads[known.own_spreads(s.effect)], residual - nothing.shift, whitener)
-        for s in known.effects
-    ]
-    best = _best_variants(screened)
-    tried = refinery.simulated(best, slopes=False)
-    starts = [
-        start for line, curve in zip(best, tried, strict=True) for start in _starts(line, curve, whitener)
-    ]
-    if starts:
-        tried += refinery.simulated(starts, slopes=False)
-    once = _best_starts([_laplace(fit, residual, whitener)[0] for fit in tried])
-    behind = _hopeless(once[0].log_evidence)
-    bent = {start.effect for start in starts}
-    near = {
-        fit.effect
-        for k, fit in enumerate(once)
-        if fit.log_evidence > behind and (k < _LEADING or _significant(fit))
-    }
-    leading = [fit for fit in once if fit.effect in near | bent]
-    rest = [fit for fit in once if fit.effect not in near | bent]
-    return nothing, sorted([*refinery.followed(leading), *rest], key=lambda f: -f.log_evidence)
+def _sorted(fits: Iterable[Fit]) -> list[Fit]:
+    return sorted(fits, key=lambda f: -f.log_evidence)
 
 
-def log_likelihood(residual: Array, whitener: Whitener | Relieved) -> float:
-    """Gaussian log likelihood of the residuals, up to the constant that all share."""
-    return -0.5 * float(residual @ whitener.solve(residual)) - 0.5 * whitener.log_determinant
+def _significant(refinery: Refinery, fit: Fit) -> bool:
+    """Whether the value is off by more than its own uncertainty could be, everyday spread included."""
+    (term,), (sigma,) = fit.terms, refinery.weighed(fit).sigma
+    return abs(term.distance) > _SIGNIFICANT * float(np.hypot(sigma, term.head.tolerance))
 
 
-def posterior(refinery: Refinery, covariance: Covariances) -> list[Hypothesis]:
-    """Every hypothesis with its probability, the most probable first."""
-    nothing, effects = fitted(refinery)
-    each = (1 - _CONSISTENT) / len(effects)
-    weights: list[tuple[Fit, float, float]] = []
-    for amplitude in (0.0, *AMPLITUDES_W):
-        share = 1 - _LEFTOVER if amplitude == 0.0 else _LEFTOVER / len(AMPLITUDES_W)
-        whitener = refinery.whitener if amplitude == 0.0 else Whitener.of(covariance.with_leftover(amplitude))
-        base = log_likelihood(refinery.residual, whitener) + float(np.log(share))
-        for fit, prior in [(nothing, _CONSISTENT), *((fit, each) for fit in effects)]:
-            weighed = fit if amplitude == 0.0 else _laplace(fit, refinery.residual, whitener)[0]
-            weights.append((weighed, amplitude, base + float(np.log(prior)) + weighed.log_evidence))
-    log = np.array([w for _, _, w in weights])
-    probability = np.exp(log - np.logaddexp.reduce(log))
-    return [
-        Hypothesis(fit=weights[k][0], leftover_W=weights[k][1], probability=float(probability[k]))
-        for k in np.argsort(-probability)
-    ]
+def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], most: int) -> list[Fit]:
+    """The hypotheses with one cause more that are in reach of the best, simulated and followed."""
+    catalogue = len({s.effect for s in refinery.known.effects})
+
+    def log_probability(fit: Fit) -> float:
+        return fit.log_evidence + log_prior(fit, catalogue)
+
+    singles = {f.terms[0].effect: f.terms[0] for f in fits if len(f.terms) == 1}
+    leading = max(map(log_probability, fits))
+    candidates = (
+        [] if len(base[0].terms) > 1 else _pairs_on_tangents(refinery, nothing, list(singles.values()))
+    )
+    for fit in _sorted(base)[:_TO_EXTEND]:
+        for name, term in singles.items():
+            if name not in fit.effects:
+                candidates.append(_fitted_line(refinery, _with(fit, term)))
+    candidates = _best(replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates)
+    chosen = [f for f in candidates if log_probability(f) > leading - _IN_REACH][:most]
+    if not chosen:
+        return []
+    leader = max(f.log_evidence for f in fits)
+    return _best(refinery.followed(refinery.simulated(chosen), leader))
+
+
+def _with(fit: Fit, term: Term) -> Fit:
+    """The fit with one more term, still at its off value."""
+    return replace(fit, terms=(*fit.terms, replace(term, value=term.head.off)))
+
+
+def _pairs_on_tangents(refinery: Refinery, nothing: Fit, terms: list[Term]) -> list[Fit]:
+    """The best pairs of effects on straight lines from nothing's simulated state."""
+    seen = refinery.geometry.project(np.stack([*(t.slope for t in terms), refinery.residual - nothing.shift]))
+    found = []
+    for i, j in combinations(range(len(terms)), 2):
+        chosen = [i, j, len(terms)]
+        part = replace(
+            seen,
+            each_other=seen.each_other[np.ix_(chosen, chosen)],
+            on_spreads=seen.on_spreads[:, chosen],
+            on_basis=seen.on_basis[:, chosen],
+        )
+        pair = tuple(replace(terms[k], value=terms[k].head.off) for k in (i, j))
+        fit = replace(nothing, terms=pair)
+        weighed = weigh(fit, part, refinery.geometry, fit.own(refinery.known))
+        found.append((weighed.promised, fit))
+    found.sort(key=lambda entry: -entry[0])
+    return [_fitted_line(refinery, fit) for _, fit in found[:_PAIRS]]

@@ -9,16 +9,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Covariances, Whitener
-from models.diagnosis.evidence import Fit
+from models.diagnosis.covariance import Whitener
+from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
-from models.diagnosis.signatures import Signatures
 
 Array = NDArray[np.float64]
 
 _BANDS = 4
 _RESAMPLES = 400
 _LEAST = 12  # readings below which blocks mean nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """What a gain is judged on: residuals (M,), their covariance and that of a leftover everywhere, (M, M)."""
+
+    observations: Observations
+    residual: Array
+    covariance: Array
+    leftover: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,37 +57,31 @@ class Gain:
         }
 
 
-def _value_on(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bool_]) -> Array:
-    """The fit's shift with its value fitted again on some readings (linear about the fit), at all readings."""
-    if fit.signature is None:
+def _refitted(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bool_]) -> Array:
+    """The fit's shift with its values fitted again on some readings (linear about the fit), at all readings."""
+    if not fit.terms:
         return np.zeros_like(residual)
-    head = fit.signature.entry.headline
-    left, slope = (residual - fit.shift)[rows], fit.slope[rows]
-    weighted = whitener.solve(slope)
-    precision = float(slope @ weighted) + 1 / head.prior**2
-    step = (float(weighted @ left) - (fit.value - head.off) / head.prior**2) / precision
-    return np.asarray(fit.shift + fit.slope * step)
+    slopes = np.stack([t.slope for t in fit.terms])
+    prior = np.array([t.head.prior for t in fit.terms])
+    pull = -np.array([t.distance for t in fit.terms]) / prior**2
+    weighted = whitener.solve(slopes[:, rows].T)
+    precision = slopes[:, rows] @ weighted + np.diag(prior**-2)
+    step = np.linalg.solve(precision, weighted.T @ (residual - fit.shift)[rows] + pull)
+    return np.asarray(fit.shift + step @ slopes)
 
 
-def _leftover_on(
-    covariance: Covariances, residual: Array, rows: NDArray[np.bool_], amplitude_W: float
-) -> Array:
-    """A leftover fitted on some readings, at all readings."""
-    whole = amplitude_W**2 * covariance.leftover
-    inside = Whitener.of(covariance.plain[np.ix_(rows, rows)] + whole[np.ix_(rows, rows)])
-    return np.asarray(whole[:, rows] @ inside.solve(residual[rows]))
+def _leftover_on(leftover: Array, covariance: Array, residual: Array, rows: NDArray[np.bool_]) -> Array:
+    """A leftover of this covariance fitted on some readings, at all readings."""
+    inside = np.ix_(rows, rows)
+    return np.asarray(
+        leftover[:, rows] @ Whitener.of(covariance[inside] + leftover[inside]).solve(residual[rows])
+    )
 
 
-def held_out_gain(
-    observations: Observations,
-    known: Signatures,
-    covariance: Covariances,
-    cause: Fit,
-    rival: Fit | None,
-    seed: int,
-) -> Gain | None:
+def held_out_gain(readings: Readings, cause: Fit, rival: Fit | None, seed: int) -> Gain | None:
     """The gain of a cause over bands of power, or None with too few readings."""
-    residual = observations.value - known.baseline
+    observations, covariance = readings.observations, readings.covariance
+    residual = readings.residual
     power = np.asarray(observations.points.power_W)[observations.row]
     judged = observations.of("efficiency") & observations.loaded[observations.row]
     if judged.sum() < _LEAST:
@@ -91,17 +94,15 @@ def held_out_gain(
     }
     for k in range(_BANDS):
         rows, out = band != k, (band == k) & judged
-        whitener = Whitener.of(covariance.plain[np.ix_(rows, rows)])
+        whitener = Whitener.of(covariance[np.ix_(rows, rows)])
         error["before"][out] = residual[out]
-        left = residual - _value_on(cause, residual, whitener, rows)
+        left = residual - _refitted(cause, residual, whitener, rows)
         error["after"][out] = left[out]
         # noise is on the diagonal: between bands, the covariance is that of spreads and smooth inaccuracy
-        error["calibrated"][out] = left[out] - covariance.plain[np.ix_(out, rows)] @ whitener.solve(
-            left[rows]
-        )
+        error["calibrated"][out] = left[out] - covariance[np.ix_(out, rows)] @ whitener.solve(left[rows])
         if rival is not None:
-            error["wrong"][out] = (residual - _value_on(rival, residual, whitener, rows))[out]
-        error["leftover"][out] = (residual - _leftover_on(covariance, residual, rows, 5.0))[out]
+            error["wrong"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
+        error["leftover"][out] = (residual - _leftover_on(readings.leftover, covariance, residual, rows))[out]
     # d(efficiency) = - efficiency * d(input power) / input power
     scale = power[judged] / observations.value[judged] ** 2
     size = {name: np.abs(e[judged]) * scale for name, e in error.items()}

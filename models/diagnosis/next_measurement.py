@@ -1,111 +1,159 @@
-"""What to measure next: the points and actions that tell the remaining causes apart best per minute.
+r"""What to measure next: the points and actions that tell the remaining explanations apart, best per minute.
 
-For two causes i and j with their fitted shifts, a new reading with noise sigma separates them by
-d_ij = |shift_i - shift_j| / sigma; an action is worth the sum of p_i p_j d_ij^2 / 2 over the pairs, per minute.
+For two explanations i and j that fit what was measured, a reading with noise sigma separates them by
+:math:`d_{ij} = |y_i - y_j| / \sigma`, summed in squares over channels. Steps are chosen one after the other: each is
+worth :math:`\sum p_i p_j \exp(-D_{ij}^2/2) \, d_{ij}^2 / 2` per minute, with :math:`D_{ij}` what the steps before
+it separate already. Where no step can, the channel is named that would.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.observations import Observations
-from models.diagnosis.verdict import Cause
+from models.diagnosis.bench_options import Option, Options, SetPoint, bench_options
+from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.observations import CHANNELS, Observations
+from models.diagnosis.refinery import Refinery
 from sim.model import Model
-from sim.operating_points import Points
-from sim.simulate import Result, simulate_many
 
 Array = NDArray[np.float64]
 
-_LEAST = 0.01  # probability from which a cause takes part
-_MOST_CAUSES = 5
-_POINT_MINUTES, _STANDBY_MINUTES = 4.0, 1.5
-_POWERS = 6
-_SIGMA = {"P1_W": 1.5e-4, "D0": 2e-4, "T_heatsink_C": 0.3, "T_inductor_C": 0.4, "T_transformer_C": 0.4}
+MOST_STEPS = 10
+SEPARATED = 4.0  # sigmas at which the worse of two explanations keeps less than one part in a thousand
+_LEAST = 0.03  # probability from which an explanation takes part
+_MOST_RIVALS = 6
+_WORTH_DOING = 0.5  # sigmas
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextMeasurement:
-    """An action, the causes it separates, by how many sigmas, and the bench minutes it takes."""
+    """An action, the effects it separates, by how many sigmas, the bench minutes it takes, and its set point.
+
+    Sigmas and minutes are those of all ``repeats`` together.
+    """
 
     action: str
     separates: tuple[str, ...]
     expected_sigma: float
     minutes: float
+    set_point: SetPoint | None = None
+    repeats: int = 1
+
+    @classmethod
+    def of(cls, option: Option, separates: tuple[str, ...], distance2: float) -> Self:
+        """A step that takes an option once."""
+        return cls(
+            action=option.action,
+            separates=separates,
+            expected_sigma=float(np.sqrt(distance2)),
+            minutes=option.minutes,
+            set_point=option.set_point,
+        )
+
+    def once_more(self) -> Self:
+        """The same step with one repeat more."""
+        n = self.repeats + 1
+        return replace(
+            self,
+            repeats=n,
+            minutes=self.minutes * n / self.repeats,
+            expected_sigma=self.expected_sigma * (n / self.repeats) ** 0.5,
+        )
 
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
+        at = {} if self.set_point is None else dict(zip(("D1", "D2", "P_W"), self.set_point, strict=True))
         return {
             "action": self.action,
             "separates": list(self.separates),
             "expected_sigma": self.expected_sigma,
             "minutes": self.minutes,
+            "repeats": self.repeats,
+            **at,
         }
 
 
-def _candidates(observations: Observations) -> tuple[list[str], Array, Points]:
-    """Names, minutes and set points of what could be done: standby, no load, and points of the map."""
-    p, loaded = observations.points, observations.loaded
-    D1, D2, power = (np.asarray(x)[loaded] for x in (p.D1, p.D2, p.power_W))
-    chosen = np.unique(
-        [int(np.argmin(np.abs(power - q))) for q in np.linspace(power.min(), power.max(), _POWERS)]
-        + [int(np.argmin(D1)), int(np.argmax(D1)), int(np.argmin(D2)), int(np.argmax(D2))]
-    )
-    names = ["standby", "no_load"]
-    names += [f"measure D1 = {D1[k]:.3f}, D2 = {D2[k]:.3f}, {power[k]:.0f} W again" for k in chosen]
-    best = int(np.argmin(power))
-    points = Points(
-        D1=np.concatenate([[1.0, D1[best]], D1[chosen]]),
-        D2=np.concatenate([[0.0, D2[best]], D2[chosen]]),
-        power_W=np.concatenate([[0.0, 0.0], power[chosen]]),
-        pwm=np.array([False, *[True] * (chosen.size + 1)]),
-    )
-    minutes = np.array([_STANDBY_MINUTES, *[_POINT_MINUTES] * (chosen.size + 1)])
-    return names, minutes, points
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rival:
+    """An explanation that is still possible: its effects, probability and the model that it makes."""
+
+    effects: tuple[str, ...]
+    probability: float
+    model: Model
 
 
-def _distance2(a: Result, b: Result, present: set[str]) -> Array:
-    """Squared separation of two causes at every candidate, summed over channels."""
-    total = np.zeros(len(a.points))
-    for column, sigma in _SIGMA.items():
-        if column in present:
-            scale = np.maximum(sigma * np.asarray(a.points.power_W), 0.05) if column == "P1_W" else sigma
-            total += np.nan_to_num((a[column] - b[column]) / scale) ** 2
-    return total
+def rivals_of(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> list[Rival]:
+    """The most probable explanations, one for each set of effects, at their own everyday spreads."""
+    total: dict[tuple[str, ...], float] = {}
+    fits: dict[tuple[str, ...], Fit] = {}
+    for h in hypotheses:
+        fits.setdefault(h.fit.effects, h.fit)
+        total[h.fit.effects] = total.get(h.fit.effects, 0.0) + h.probability
+    chosen = sorted(((p, e) for e, p in total.items() if p >= _LEAST), reverse=True)[:_MOST_RIVALS]
+    return [
+        Rival(effects=e, probability=p, model=refinery.model(fits[e], refinery.spreads(fits[e])))
+        for p, e in chosen
+    ]
 
 
 def next_measurements(
-    observations: Observations, baseline: Model, causes: Sequence[Cause], most: int = 3
+    observations: Observations, rivals: Sequence[Rival], most: int = MOST_STEPS
 ) -> list[NextMeasurement]:
-    """The best few actions; none where one cause or none is left."""
-    rivals = [c for c in causes if c.probability >= _LEAST][:_MOST_CAUSES]
+    """The steps to take, in their order, until the rivals are apart; none where one explanation is left."""
     if len(rivals) < 2:
         return []
-    names, minutes, points = _candidates(observations)
-    models = []
-    for cause in rivals:
-        assert cause.fit.signature is not None
-        models.append(baseline.with_effect(cause.effect, **cause.fit.signature.values(cause.fit.value)))
-    seen = simulate_many(models, points)
-    present = {c.column for c in observations.channels}
-    worth = np.zeros(len(names))
-    apart = {}
-    for i in range(len(rivals)):
-        for j in range(i):
-            d2 = _distance2(seen[i], seen[j], present)
-            apart[rivals[j].effect, rivals[i].effect] = d2
-            worth += rivals[i].probability * rivals[j].probability * 0.5 * d2
-    order = np.argsort(-worth / minutes)[:most]
-    found = []
-    for k in order:
-        pair = max(apart, key=lambda names_, at=k: apart[names_][at])  # type: ignore[misc]
-        found.append(
-            NextMeasurement(
-                action=names[k],
-                separates=pair,
-                expected_sigma=float(np.sqrt(apart[pair][k])),
-                minutes=float(minutes[k]),
-            )
-        )
-    return [step for step in found if step.expected_sigma > 0.0]
+    present = [c for c in CHANNELS if c in observations.channels]
+    options = bench_options(observations, [r.model for r in rivals], present)
+    steps, apart = _chosen(options, rivals, most)
+    tied = [pair for pair, d2 in apart.items() if d2 < SEPARATED**2]
+    return steps + (_missing_channel(observations, [rivals[k] for k in tied[0]]) if tied else [])
+
+
+def _differ(one: Rival, other: Rival) -> tuple[str, ...]:
+    """Effects that one of two explanations has and the other has not."""
+    return tuple(sorted(set(one.effects) ^ set(other.effects)))
+
+
+def _chosen(
+    options: Options, rivals: Sequence[Rival], most: int
+) -> tuple[list[NextMeasurement], dict[tuple[int, int], float]]:
+    """Steps in the order of their worth, and what they separate each pair by, squared."""
+    pairs = list(combinations(range(len(rivals)), 2))
+    weight = np.array([rivals[i].probability * rivals[j].probability for i, j in pairs])
+    d2 = np.stack([np.sum(options.distance2(i, j), axis=-1) for i, j in pairs])
+    reached = np.zeros(len(pairs))
+    steps: dict[int, NextMeasurement] = {}
+    for _ in range(most):
+        if not np.any(reached < SEPARATED**2):
+            break
+        worth = (weight * np.exp(-0.5 * reached)) @ d2 / options.minutes
+        best = int(np.argmax(worth))
+        first = int(np.argmax(np.where(reached < SEPARATED**2, weight * d2[:, best], -1.0)))
+        if d2[first, best] < _WORTH_DOING**2:
+            break
+        reached = reached + d2[:, best]
+        i, j = pairs[first]
+        new = NextMeasurement.of(options.what[best], _differ(rivals[i], rivals[j]), d2[first, best])
+        steps[best] = steps[best].once_more() if best in steps else new
+    return list(steps.values()), dict(zip(pairs, reached.tolist(), strict=True))
+
+
+def _missing_channel(observations: Observations, two: Sequence[Rival]) -> list[NextMeasurement]:
+    """The channel that is not measured and would separate two rivals best, at the point to use it at; or none."""
+    absent = [c for c in CHANNELS if c not in observations.channels]
+    if not absent:
+        return []
+    d2 = (options := bench_options(observations, [r.model for r in two], absent)).distance2(0, 1)
+    best, channel = (int(k) for k in np.unravel_index(int(np.argmax(d2)), d2.shape))
+    if d2[best, channel] < _WORTH_DOING**2:
+        return []
+    step = NextMeasurement.of(options.what[best], _differ(*two), d2[best, channel])
+    needed = (
+        f"no point will do with the channels measured: measure {absent[channel].column} too; {step.action}"
+    )
+    return [replace(step, action=needed)]

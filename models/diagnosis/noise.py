@@ -1,8 +1,8 @@
 """Noise of each channel from replicates: rows at one set point, whatever else they are.
 
 Replicates in time order are differenced before they are squared (von Neumann, 1941), so that a drift does not
-pass for noise. With few of them the estimate is uncertain; the least credible value, times a factor for that,
-is the floor of each channel.
+pass for noise. With few of them the estimate is uncertain: what the best explanation leaves then corrects it,
+channel by channel, and readings that lie far off count less.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 
 _PROPORTIONAL = {"efficiency", "P_link1_W", "P_link2_W", "I_L_rms_A"}
 _WITHOUT_REPLICATES = {"efficiency": 1.5e-4, "P_link1_W": 5e-4, "P_link2_W": 5e-4, "I_L_rms_A": 5e-4}
+_FAR_OFF = 3.0  # sigmas
+_CLIPPED = 0.9733  # mean square of a normal deviate clipped at three
+_SCALES = (0.4, 4.0)  # of a channel's noise, as found from replicates or as assumed without
 _NEEDED = 4  # differences below which replicates say nothing
 
 
@@ -109,3 +112,22 @@ def sigma_of(observations: Observations, noise: list[ChannelNoise]) -> Array:
         mask = observations.of(entry.channel)
         sigma[mask] = np.hypot(entry.sigma * scale_of(observations, entry.channel)[mask], channel.floor)
     return sigma
+
+
+def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Array, left: Array) -> Array:
+    """Standard deviations (M,) after a look at what the best explanation leaves of each reading.
+
+    ``left`` (M,) is in sigmas, corrected for what the explanation has absorbed. Each channel's noise is scaled to
+    what is left there, the replicates keeping their weight; single readings beyond three sigmas are widened.
+    """
+    scaled = sigma.copy()
+    for entry in noise:
+        mask = observations.of(entry.channel)
+        z2 = left[mask] ** 2
+        if not z2.size:
+            continue
+        typical = float(np.mean(np.minimum(z2, _FAR_OFF**2))) / _CLIPPED
+        weight = entry.differences + z2.size
+        scale = float(np.clip(np.sqrt((entry.differences + z2.size * typical) / weight), *_SCALES))
+        scaled[mask] *= scale * np.maximum(1.0, np.sqrt(z2) / (_FAR_OFF * scale))
+    return scaled

@@ -20,6 +20,7 @@ _ROOT_3 = 3**0.5
 _VOLTAGE_GAIN = 5e-4 / _ROOT_3  # of a dc voltage: 0.05 % of reading, uniform
 _P2_NOISE = 1e-4  # of reading, one averaged reading
 _COLLINEAR = 0.9999
+_CROSSED = 5  # readings on the far side of a threshold that make it more than an outlier
 _SILENT = 1e-3  # over all readings, in their units: above the solver's tolerance, below every noise
 _APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
@@ -52,7 +53,8 @@ class Signatures:
     """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
 
     The first directions are those of the converter's ``spread_entries``, the rest the instruments'.
-    ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction.
+    ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
+    ``per_watt`` (M,) its change for one watt more at the output.
     """
 
     baseline: Array
@@ -61,6 +63,7 @@ class Signatures:
     spread_names: tuple[str, ...]
     spreads: Array
     input_sigma: Array
+    per_watt: Array
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
@@ -84,6 +87,7 @@ class Signatures:
             effects=tuple(replace(s, slope=s.slope[readings]) for s in self.effects),
             spreads=self.spreads[:, readings],
             input_sigma=self.input_sigma[readings],
+            per_watt=self.per_watt[readings],
         )
 
 
@@ -117,7 +121,7 @@ def signatures(
     ]
     effects = tuple(s for s in found if not _imitates(s, found))
     names, directions = _instrument_spreads(observations, baseline.converter)
-    (V1, V2), input_sigma = _inputs(observations, baseline, base)
+    (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base)
     return Signatures(
         baseline=base,
         effects=effects,
@@ -125,14 +129,18 @@ def signatures(
         spread_names=(*(s.path for s in spreads), *names, "measured V1", "measured V2"),
         spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, directions, [V1, V2]]),
         input_sigma=input_sigma,
+        per_watt=per_watt,
     )
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:
-    """True for a threshold that no reading crosses: the effect is then another one, or none at all."""
+    """True for a threshold that few readings cross: the effect is then another one, none at all, or an outlier."""
     if not signature.entry.threshold:
         return False
     slope = np.nan_to_num(signature.slope)
+    touched = int(np.count_nonzero(np.abs(slope) * signature.entry.headline.prior > _SILENT))
+    if touched < _CROSSED:
+        return True
     length = float(np.linalg.norm(slope))
     if length * signature.entry.headline.prior < _SILENT:
         return True
@@ -154,8 +162,10 @@ def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bo
     return np.asarray(spare | ~np.asarray(p.pwm, dtype=bool))[observations.row]
 
 
-def _inputs(observations: Observations, baseline: Model, base: Array) -> tuple[tuple[Array, Array], Array]:
-    """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2.
+def _inputs(
+    observations: Observations, baseline: Model, base: Array
+) -> tuple[tuple[Array, Array], Array, Array]:
+    """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2; and a watt more.
 
     The noise of P2 is already in the replicates of the input power, which follows it; there it is zero. It is NaN
     for a D0 that bends sharply over power: where two edges pass each other at light load D0 jumps for little.
@@ -174,7 +184,9 @@ def _inputs(observations: Observations, baseline: Model, base: Array) -> tuple[t
     folded = observations.of("D0") & ~(np.abs(more + less) < _FOLD)
     P2 = np.where(folded, np.nan, P2)
     follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
-    return (V1, V2), np.where(follows & ~folded, 0.0, np.abs(P2))
+    power = np.asarray(observations.points.power_W)[observations.row]
+    per_watt = (more - less) / np.where(power > 0, 2 * _APART * power, np.inf)
+    return (V1, V2), np.where(follows & ~folded, 0.0, np.abs(P2)), np.nan_to_num(per_watt)
 
 
 def _instrument_spreads(observations: Observations, converter: Converter) -> tuple[list[str], Array]:

@@ -1,119 +1,138 @@
 """From probabilities to a verdict that an engineer can act on.
 
-``consistent``: that nothing is wrong cannot be excluded. ``named``: one cause has 95 % of all probability, with
-or without a leftover beside it. ``group``: causes that this design cannot tell apart have it together.
-``unknown``: the residuals need a leftover more than any cause, or nothing above reaches 95 %.
+``consistent``: that nothing is wrong cannot be excluded. ``named``: each stated cause has 95 % of all probability,
+alone or with others, with or without a leftover beside it. ``group``: causes that this design cannot tell apart
+have it together. ``unknown``: the residuals need a leftover more than any cause, or nothing above reaches 95 %.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.diagnosis.covariance import Whitener
-from models.diagnosis.evidence import Fit, Hypothesis
+from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.hypotheses import Fit, Term
+
+Array = NDArray[np.float64]
 
 SURE = 0.95
 _UNEXPLAINED = 4.0  # chi-squared per reading: noise that is understated by half leaves 2.3
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
+_WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cause:
-    """A cause with its marginal probability, over leftovers; ``fit`` is its most probable fit."""
+    """A cause with its probability over all hypotheses that hold it; ``fit`` is the most probable of them."""
 
+    effect: str
     fit: Fit
     probability: float
     tied_with: tuple[str, ...] = ()
 
     @property
-    def effect(self) -> str:
-        """The effect's name."""
-        return self.fit.effect
+    def term(self) -> Term:
+        """Its value, deviation and slope in that fit."""
+        return self.fit.term(self.effect)
+
+    @property
+    def shift(self) -> Array:
+        """What the cause alone adds to the prediction, (M,): the whole fit's shift less the others' lines."""
+        others = (t for t in self.fit.terms if t.effect != self.effect)
+        return np.asarray(self.fit.shift - sum(t.slope * t.distance for t in others))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """``kind`` is consistent, named, group or unknown; causes by probability; the tied groups."""
+    """``kind`` is consistent, named, group or unknown; causes by probability; the tied groups.
+
+    ``stated`` are the effects that the verdict stands for: the named ones, or the first of a group.
+    """
 
     kind: str
     causes: tuple[Cause, ...]
     groups: tuple[tuple[str, ...], ...]
+    stated: tuple[str, ...]
     consistent_probability: float
     unknown_probability: float
 
 
-def isolability(a: Fit, b: Fit, whitener: Whitener) -> float:
-    """How many sigmas of a's fitted shift b cannot imitate: ||(I - P_b) s_a|| in whitened residuals."""
-    weighted = whitener.solve(np.stack([a.shift, b.shift], axis=1))
-    aa, ab, bb = (
-        float(a.shift @ weighted[:, 0]),
-        float(a.shift @ weighted[:, 1]),
-        float(b.shift @ weighted[:, 1]),
-    )
+def isolability(a: Array, b: Array, whitener: Whitener) -> float:
+    """How many sigmas of shift a (M,) shift b cannot imitate: ||(I - P_b) s_a|| in whitened residuals."""
+    both = np.stack([a, b])
+    (aa, ab), (_, bb) = both @ whitener.solve(both.T)
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
 
 
-def _marginal(hypotheses: list[Hypothesis]) -> list[Cause]:
+def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
+    """Every cause with its probability, most probable first."""
     best: dict[str, Fit] = {}
     total: dict[str, float] = {}
     for h in hypotheses:
-        if h.fit.signature is not None:
-            name = h.fit.effect
+        for name in h.fit.effects:
             best.setdefault(name, h.fit)
             total[name] = total.get(name, 0.0) + h.probability
     order = sorted(total, key=lambda name: -total[name])
-    return [Cause(fit=best[name], probability=total[name]) for name in order]
+    return [Cause(effect=name, fit=best[name], probability=total[name]) for name in order]
 
 
-def _tie_group(causes: list[Cause], whitener: Whitener) -> tuple[str, ...]:
-    """The leading cause and those with a share that the design cannot tell from it, until 95 % is reached."""
-    first, total = causes[0], causes[0].probability
+def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float:
+    """Probability that at least one of the effects is there."""
+    return sum(h.probability for h in hypotheses if not set(effects).isdisjoint(h.fit.effects))
+
+
+def _tie_group(
+    first: Cause, rivals: Sequence[Cause], hypotheses: Sequence[Hypothesis], whitener: Whitener
+) -> tuple[str, ...]:
+    """A cause and the rivals that the design cannot tell from it, until one of them is there with 95 %.
+
+    A cause that the design cannot tell from nothing has no group: everything would be in it.
+    """
+    if isolability(first.shift, np.zeros_like(first.shift), whitener) < _TIED_BELOW:
+        return ()
     group = [first.effect]
-    for other in causes[1:]:
-        if total >= SURE or other.probability < 1e-3:
+    for other in rivals:
+        if _any_of(hypotheses, group) >= SURE or other.probability < _WORTH_A_WORD:
             break
-        if isolability(first.fit, other.fit, whitener) < _TIED_BELOW:
+        if isolability(first.shift, other.shift, whitener) < _TIED_BELOW:
             group.append(other.effect)
-            total += other.probability
-    return tuple(group)
+    return tuple(group) if _any_of(hypotheses, group) >= SURE else ()
 
 
-def judge(hypotheses: list[Hypothesis], whitener: Whitener, misfit: float = 1.0) -> Verdict:
+def judge(hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 1.0) -> Verdict:
     """The verdict of a posterior.
 
     ``misfit`` is the chi-squared per reading that the most probable fit leaves without a leftover; far above one,
-    nothing that was tried explains the data, and no name is given.
+    nothing that was tried explains the data, and no cause is listed.
     """
-    nothing = sum(h.probability for h in hypotheses if h.fit.signature is None and h.leftover_W == 0.0)
-    nameless = sum(h.probability for h in hypotheses if h.fit.signature is None and h.leftover_W > 0.0)
-    leftover = sum(h.probability for h in hypotheses if h.leftover_W > 0.0)
-    causes = _marginal(hypotheses)
-    group = _tie_group(causes, whitener)
-    together = sum(c.probability for c in causes if c.effect in group)
-    if causes[0].probability >= SURE:
-        kind, group = "named", group[:1]
-    elif together >= SURE:
-        kind = "group"
-    elif nothing >= 1 - SURE and nothing >= nameless:
+    bare = [h for h in hypotheses if not h.fit.terms]
+    nothing = sum(h.probability for h in bare if h.leftover is None)
+    nameless = sum(h.probability for h in bare if h.leftover is not None)
+    causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
+    named = tuple(c.effect for c in causes if c.probability >= SURE)
+    rest = [c for c in causes if c.effect not in named]
+    group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest else ()
+    if named or group:
+        kind = "named" if named else "group"
+    elif nothing >= 1 - SURE and nothing >= nameless and misfit <= _UNEXPLAINED:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"
-    if kind in ("named", "group") and misfit > _UNEXPLAINED:
-        kind = "unknown"
-    tied = group if kind == "group" else ()
-    shown = [
-        Cause(
-            fit=c.fit,
-            probability=c.probability,
-            tied_with=tuple(n for n in tied if n != c.effect and c.effect in tied),
-        )
-        for c in causes
-        if c.probability >= 1e-3
-    ]
+    tied = group if kind in ("named", "group") and len(group) > 1 else ()
     return Verdict(
         kind=kind,
-        causes=tuple(shown),
-        groups=(tied,) if len(tied) > 1 else (),
+        causes=tuple(_with_ties(c, tied) for c in causes if c.probability >= _WORTH_A_WORD),
+        groups=(tied,) if tied else (),
+        stated={"named": named, "group": group[:1]}.get(kind, ()),
         consistent_probability=nothing,
-        unknown_probability=leftover,
+        unknown_probability=1.0
+        if misfit > _UNEXPLAINED
+        else sum(h.probability for h in hypotheses if h.leftover is not None),
     )
+
+
+def _with_ties(cause: Cause, tied: tuple[str, ...]) -> Cause:
+    with_it = tuple(name for name in tied if name != cause.effect) if cause.effect in tied else ()
+    return Cause(effect=cause.effect, fit=cause.fit, probability=cause.probability, tied_with=with_it)

@@ -23,7 +23,8 @@ class EffectParameter:
 
     ``tolerance`` is the everyday spread (one sigma) that every bench has about ``off``; ``prior`` the scale
     (one sigma) of the values that deserve the effect's name; ``lower`` and ``upper`` bound both. ``scan``
-    lists values to try of a parameter in which the effect is not smooth (a threshold).
+    lists values to try of a parameter in which the effect is not smooth (a threshold), ``starts`` those
+    from which a search should set out where the effect is far from a line.
     """
 
     name: str
@@ -34,6 +35,7 @@ class EffectParameter:
     prior: float
     off: float = 0.0
     scan: tuple[float, ...] = ()
+    starts: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

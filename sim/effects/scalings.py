@@ -71,6 +71,11 @@ def _relative(
     return _parameter("relative_error", "1", tolerance, prior, bounds)
 
 
+def _started(parameters: tuple[EffectParameter], values: tuple[float, ...]) -> tuple[EffectParameter]:
+    """The parameter with values from which a search should start, since its effect is far from a line."""
+    return (replace(parameters[0], starts=values),)
+
+
 _SIC = ("primary.outer", "primary.switch", "secondary.switch")
 _Lm = float(prototype().transformer.magnetizing_H)
 
@@ -114,7 +119,10 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="magnetizing_inductance",
         stage="circuit",
-        parameters=_parameter("inductance_H", "H", 0.1 * _Lm, 6e-3, (1e-3, 60e-3), off=_Lm),
+        parameters=_started(
+            _parameter("inductance_H", "H", 0.1 * _Lm, 6e-3, (1e-3, 60e-3), off=_Lm),
+            (0.2 * _Lm, 0.3 * _Lm, 0.5 * _Lm),  # its current goes by the reciprocal
+        ),
         paths=("transformer.magnetizing_H",),
         change=_replaced,
         says="the magnetizing inductance differs: an air gap in the transformer's core, or another grade",
@@ -200,7 +208,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="output_capacitance",
         stage="semiconductors",
-        parameters=_relative(0.06, 0.7),
+        parameters=_started(_relative(0.06, 0.7), (-0.3, 0.3, 0.7)),  # edges lose zero voltage one by one
         paths=tuple(f"{s}.capacitance.zero_bias_F" for s in _SIC),
         change=_scaled,
         says="the SiC switches' nodes have more capacitance than modelled: device, snubber or board",

@@ -1,15 +1,18 @@
 """Small made-up data with a known answer: observations, fits, and a bench that is linear."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Covariances, Whitener
-from models.diagnosis.evidence import Fit, Refinery
+from models.diagnosis.covariance import Whitener
+from models.diagnosis.geometry import Geometry
+from models.diagnosis.hypotheses import Fit, Term
+from models.diagnosis.leftover import AMPLITUDES_W, Leftover, Leftovers
 from models.diagnosis.observations import Observations, observe
+from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature, Signatures
 from sim.model import Model
 from sim.prototype import prototype
@@ -26,9 +29,18 @@ def loads(power_W: Array) -> Observations:
 
 def fit_of(effect: str | None, shift: Array, *, slope: Array | None = None, value: float = 1.0) -> Fit:
     """A fit with this shift of every reading; of nothing where ``effect`` is None."""
-    slope = shift if slope is None else slope
-    signature = None if effect is None else Signature(effect=effect, slope=slope)
-    return Fit(signature=signature, value=value, sigma=0.1, log_evidence=0.0, shift=shift, slope=slope)
+    if effect is None:
+        return Fit(terms=(), shift=shift)
+    return joint_fit({effect: shift if slope is None else slope}, shift, value=value)
+
+
+def joint_fit(slopes: Mapping[str, Array], shift: Array, *, value: float = 1.0) -> Fit:
+    """A fit of several effects with these slopes, all at one value."""
+    terms = tuple(
+        Term(signature=Signature(effect=name, slope=slope), value=value, sigma=0.1, slope=slope)
+        for name, slope in slopes.items()
+    )
+    return Fit(terms=terms, shift=shift)
 
 
 def known(effects: Sequence[Signature], readings: int, spreads: Array | None = None) -> Signatures:
@@ -41,6 +53,7 @@ def known(effects: Sequence[Signature], readings: int, spreads: Array | None = N
         spread_names=tuple(f"spread {k}" for k in range(len(directions))),
         spreads=directions,
         input_sigma=np.zeros(readings),
+        per_watt=np.zeros(readings),
     )
 
 
@@ -64,20 +77,30 @@ class LinearBench:
         return total
 
 
+def white_leftovers(readings: int) -> Leftovers:
+    """A leftover that may be anything at every reading, at several amplitudes."""
+    columns = np.arange(readings)
+    configurations = (
+        Leftover(location="anywhere", amplitude_W=amplitude, columns=columns) for amplitude in AMPLITUDES_W
+    )
+    return Leftovers(basis=np.eye(readings), configurations=tuple(configurations))
+
+
 def refinery(
     value: Array, effects: Sequence[Signature], sigma: Array, spreads: Array | None = None
-) -> tuple[Refinery, Covariances]:
-    """A linear bench's refinery and covariances: independent noise, spreads, and a leftover that is white."""
+) -> Refinery:
+    """A linear bench's refinery: independent noise, spreads, and a leftover that is white."""
     signatures = known(effects, value.size, spreads)
-    plain = np.diag(sigma**2) + signatures.spreads.T @ signatures.spreads
-    covariance = Covariances(plain=plain, leftover=np.eye(value.size))
     bench = LinearBench(value, effects)
-    return (
-        Refinery(
-            known=signatures,
-            observations=bench,  # type: ignore[arg-type]  # as much of it as a refinery needs
-            baseline=Model.baseline(),
-            whitener=Whitener.of(plain),
-        ),
-        covariance,
+    whitener = Whitener.of(covariance_of(sigma, signatures.spreads))
+    return Refinery(
+        known=signatures,
+        observations=bench,  # type: ignore[arg-type]  # as much of it as a refinery needs
+        baseline=Model.baseline(),
+        geometry=Geometry.of(whitener, signatures.spreads, white_leftovers(value.size)),
     )
+
+
+def covariance_of(sigma: Array, spreads: Array) -> Array:
+    """Independent noise and spreads (K, M), (M, M)."""
+    return np.asarray(np.diag(sigma**2) + spreads.T @ spreads)

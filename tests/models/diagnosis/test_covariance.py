@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.diagnosis.covariance import Relieved, Whitener, kernel
+from models.diagnosis.covariance import Whitener, kernel
 
 
 def random_covariance(size: int) -> np.ndarray:
@@ -22,14 +22,6 @@ def test_whitener_knows_the_log_determinant() -> None:
     sign, expected = np.linalg.slogdet(covariance)
     assert sign == 1
     assert Whitener.of(covariance).log_determinant == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_covariance_without_some_directions_is_numpys() -> None:
-    without, right = random_covariance(12), np.random.default_rng(4).standard_normal((12, 3))
-    directions = np.random.default_rng(5).standard_normal((2, 12))
-    relieved = Relieved.of(Whitener.of(without + directions.T @ directions), directions)
-    np.testing.assert_allclose(relieved.solve(right), np.linalg.solve(without, right), rtol=1e-9)
-    assert relieved.log_determinant == pytest.approx(np.linalg.slogdet(without)[1], rel=1e-12)
 
 
 def test_kernel_is_positive_definite_with_ones_on_its_diagonal() -> None:

@@ -48,10 +48,11 @@ def test_an_unknown_effect_to_leave_out_is_refused_with_the_nearest() -> None:
 
 def test_the_simulators_own_effect_comes_back_exactly(named: Diagnosis) -> None:
     assert named.verdict.kind == "named"
-    fit = named.verdict.causes[0].fit
-    assert fit.effect == "link_resistance"
+    (name,) = named.verdict.stated
+    assert name == "link_resistance"
     # the prior pulls towards 0, and the spreads of winding and switches share what looks alike
-    assert fit.value == pytest.approx(RESISTANCE_Ohm, abs=2 * fit.sigma)
+    term = named.verdict.causes[0].term
+    assert term.value == pytest.approx(RESISTANCE_Ohm, abs=2 * term.sigma)
 
 
 def test_the_answer_has_every_key(named: Diagnosis) -> None:

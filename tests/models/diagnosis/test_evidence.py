@@ -4,15 +4,19 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from models.diagnosis.evidence import fitted, posterior
+from models.diagnosis.evidence import log_prior, posterior, search
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
-from tests.models.diagnosis.fabricated import refinery
+from tests.models.diagnosis.fabricated import covariance_of, fit_of, joint_fit, refinery
 
 READINGS = 24
 SIGMA = np.linspace(0.2, 0.4, READINGS)
 GROWING = np.linspace(5.0, 60.0, READINGS)  # W per Ohm
 LINK = Signature(effect="link_resistance", slope=GROWING)
-AUXILIARY = Signature(effect="auxiliary_power", slope=np.ones(READINGS))
+FLAT = np.ones(READINGS)
+AUXILIARY = Signature(effect="auxiliary_power", slope=FLAT)
+SLANTED = Signature(effect="analyzer_gain", slope=300.0 * np.cos(0.7 * np.arange(READINGS)))  # W per unit
 
 
 def noise(seed: int) -> np.ndarray:
@@ -37,54 +41,94 @@ def integrated(residual: np.ndarray, covariance: np.ndarray, signature: Signatur
     return float(np.log(area)) - 0.5 * (misfit(best) - misfit(head.off))
 
 
+def alone(bench: Refinery) -> Fit:
+    """The fit of the one effect that a bench knows."""
+    return next(fit for fit in search(bench) if fit.terms)
+
+
+def above_nothing(bench: Refinery) -> float:
+    nothing, *singles = search(bench)
+    return singles[0].log_evidence - nothing.log_evidence
+
+
+def stated(bench: Refinery) -> tuple[str, ...]:
+    return posterior(bench)[0].fit.effects
+
+
 def test_the_closed_form_is_the_integral_over_the_prior() -> None:
     spread = 0.3 * np.sin(np.arange(READINGS))[None]
     residual = 0.05 * GROWING + noise(1)
-    bench, covariance = refinery(residual, [LINK], SIGMA, spread)
-    _, (fit,) = fitted(bench)
-    # nothing but rounding and the quadrature's 1e-8 lies between them
-    assert fit.log_evidence == pytest.approx(integrated(residual, covariance.plain, LINK), abs=1e-5)
+    bench = refinery(residual, [LINK], SIGMA, spread)
+    # the prior and the posterior are cut at 0; of the integral's prior only the half above is meant here.
+    # Nothing but rounding and the quadrature's 1e-8 lies between them
+    expected = integrated(residual, covariance_of(SIGMA, spread), LINK) + np.log(2.0)
+    assert above_nothing(bench) == pytest.approx(expected, abs=1e-5)
 
 
 def test_the_fitted_value_and_its_sigma_are_those_of_ridge_regression() -> None:
     residual = 0.05 * GROWING + noise(2)
-    bench, _ = refinery(residual, [LINK], SIGMA)
-    _, (fit,) = fitted(bench)
+    term = posterior(refinery(residual, [LINK], SIGMA))[0].fit.term("link_resistance")
     precision = np.sum((GROWING / SIGMA) ** 2) + LINK.entry.headline.prior**-2
-    assert fit.sigma == pytest.approx(precision**-0.5, rel=1e-9)
-    assert fit.value == pytest.approx(np.sum(GROWING * residual / SIGMA**2) / precision, abs=0.06 * fit.sigma)
+    assert term.sigma == pytest.approx(precision**-0.5, rel=1e-9)
+    assert term.value == pytest.approx(
+        np.sum(GROWING * residual / SIGMA**2) / precision, abs=0.06 * term.sigma
+    )
 
 
 def test_probabilities_add_up_to_one_and_the_cause_leads() -> None:
-    bench, covariance = refinery(0.05 * GROWING + noise(3), [AUXILIARY, LINK], SIGMA)
-    hypotheses = posterior(bench, covariance)
+    hypotheses = posterior(refinery(0.05 * GROWING + noise(3), [AUXILIARY, LINK], SIGMA))
     assert sum(h.probability for h in hypotheses) == pytest.approx(1.0, abs=1e-12)
-    assert hypotheses[0].fit.effect == "link_resistance"
+    assert hypotheses[0].fit.effects == ("link_resistance",)
     assert hypotheses[0].probability > 0.7  # a leftover has a prior of 0.2, and none is needed here
 
 
 def test_noise_alone_names_nothing() -> None:
-    bench, covariance = refinery(noise(4), [AUXILIARY, LINK], SIGMA)
-    assert posterior(bench, covariance)[0].fit.effect == "nothing"
+    assert stated(refinery(noise(4), [AUXILIARY, LINK], SIGMA)) == ()
+
+
+def test_two_causes_at_once_are_found_together() -> None:
+    both = 0.05 * GROWING + 2.0 + noise(7)
+    best = posterior(refinery(both, [AUXILIARY, LINK, SLANTED], SIGMA))[0]
+    assert best.fit.effects == ("auxiliary_power", "link_resistance")
+    assert best.fit.term("auxiliary_power").value == pytest.approx(2.0, abs=4 * best.fit.terms[0].sigma)
+
+
+def test_three_causes_at_once_are_found_together() -> None:
+    three = 0.05 * GROWING + 2.0 + 0.01 * SLANTED.slope + noise(8)
+    best = posterior(refinery(three, [AUXILIARY, LINK, SLANTED], SIGMA))[0]
+    assert set(best.fit.effects) == {"auxiliary_power", "link_resistance", "analyzer_gain"}
+
+
+def test_one_cause_is_not_called_two() -> None:
+    hypotheses = posterior(refinery(0.05 * GROWING + noise(9), [AUXILIARY, LINK, SLANTED], SIGMA))
+    assert sum(h.probability for h in hypotheses if len(h.fit.terms) > 1) < 0.1
+
+
+def test_larger_hypotheses_share_a_smaller_prior() -> None:
+    one, two = (
+        fit_of("link_resistance", GROWING),
+        joint_fit({"auxiliary_power": FLAT, "link_resistance": GROWING}, GROWING),
+    )
+    catalogue = 20
+    assert np.exp(log_prior(Fit.nothing(3), catalogue)) == pytest.approx(0.5)
+    assert catalogue * np.exp(log_prior(one, catalogue)) == pytest.approx(0.5 * 0.75)
+    assert 190 * np.exp(log_prior(two, catalogue)) == pytest.approx(0.5 * 0.2)  # 20 * 19 / 2 pairs
 
 
 def test_an_everyday_spread_is_not_called_a_cause() -> None:
     spread = 0.03 * GROWING[None]  # one sigma of it looks like 30 mOhm
     residual = spread[0] + noise(5)
-    blind, blind_covariance = refinery(residual, [LINK], SIGMA)
-    aware, covariance = refinery(residual, [LINK], SIGMA, spread)
-    assert posterior(blind, blind_covariance)[0].fit.effect == "link_resistance"
-    assert posterior(aware, covariance)[0].fit.effect == "nothing"
+    assert stated(refinery(residual, [LINK], SIGMA)) == ("link_resistance",)
+    assert stated(refinery(residual, [LINK], SIGMA, spread)) == ()
 
 
 def test_a_leftover_takes_what_no_effect_explains() -> None:
     strange = 3.0 * np.sign(np.sin(7.0 * np.arange(READINGS)))
-    bench, covariance = refinery(strange + noise(6), [AUXILIARY, LINK], SIGMA)
-    hypotheses = posterior(bench, covariance)
-    assert sum(h.probability for h in hypotheses if h.leftover_W > 0) > 0.99
+    hypotheses = posterior(refinery(strange + noise(6), [AUXILIARY, LINK], SIGMA))
+    assert sum(h.probability for h in hypotheses if h.leftover is not None) > 0.99
 
 
 def test_a_value_stays_inside_its_bounds() -> None:
-    bench, _ = refinery(-0.05 * GROWING, [LINK], SIGMA)
-    _, (fit,) = fitted(bench)
-    assert fit.value == 0.0  # a resistance that is added cannot be negative
+    bench = refinery(-0.05 * GROWING, [LINK], SIGMA)
+    assert alone(bench).terms[0].value == 0.0  # a resistance that is added cannot be negative
+    assert above_nothing(bench) < -5  # and its evidence knows how far outside the data would have it

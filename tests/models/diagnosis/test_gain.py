@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.covariance import Covariances, kernel
-from models.diagnosis.gain import Gain, held_out_gain
+from models.diagnosis.covariance import kernel
+from models.diagnosis.gain import Gain, Readings, held_out_gain
 from models.diagnosis.observations import Observations
-from tests.models.diagnosis.fabricated import fit_of, known, loads
+from tests.models.diagnosis.fabricated import fit_of, loads
 
 POWER = np.random.default_rng(1).permutation(np.linspace(200.0, 2000.0, 60))
 GROWING = (POWER / 1000.0) ** 2 * 50.0  # W per Ohm: a series resistance
@@ -29,9 +29,13 @@ def gain_of(residual: np.ndarray, spread: np.ndarray | None = None) -> Gain:
     plain = NOISE_W**2 * np.eye(60)
     if spread is not None:
         plain = plain + np.outer(spread, spread)
-    covariance = Covariances(plain=plain, leftover=kernel(place, place))
-    signatures = replace(known([], 60), baseline=POWER / 0.98)
-    gain = held_out_gain(campaign(residual), signatures, covariance, cause, rival, seed=0)
+    readings = Readings(
+        observations=campaign(residual),
+        residual=residual,
+        covariance=plain,
+        leftover=25.0 * kernel(place, place),
+    )
+    gain = held_out_gain(readings, cause, rival, seed=0)
     assert gain is not None
     return gain
 
@@ -78,6 +82,8 @@ def test_a_cause_that_is_not_there_gains_nothing() -> None:
 
 def test_too_few_readings_have_no_blocks() -> None:
     observations = loads(POWER[:8])
-    covariance = Covariances(plain=np.eye(8), leftover=np.eye(8))
     fit = fit_of("link_resistance", GROWING[:8])
-    assert held_out_gain(observations, known([], 8), covariance, fit, None, seed=0) is None
+    readings = Readings(
+        observations=observations, residual=np.zeros(8), covariance=np.eye(8), leftover=np.eye(8)
+    )
+    assert held_out_gain(readings, fit, None, seed=0) is None

@@ -34,14 +34,14 @@ def test_it_is_the_first_cause_or_in_the_group(hidden: tuple[str, Diagnosis]) ->
 def test_its_value_has_the_right_size(hidden: tuple[str, Diagnosis]) -> None:
     name, diagnosis = hidden
     truth = Laboratory.draw(seed=SEED, hidden={name: None}).hidden[name]
-    (fit,) = (cause.fit for cause in diagnosis.verdict.causes if cause.effect == name)
-    assert 0.6 < fit.value / truth < 1.6  # the lab's own laws of core loss differ by a third
+    (term,) = (cause.term for cause in diagnosis.verdict.causes if cause.effect == name)
+    assert 0.6 < term.value / truth < 1.6  # the lab's own laws of core loss differ by a third
 
 
 def test_the_extended_model_is_the_baseline_and_the_first_cause(hidden: tuple[str, Diagnosis]) -> None:
     _, diagnosis = hidden
     assert diagnosis.extended.converter == diagnosis.baseline.converter
-    assert list(diagnosis.extended.effects) == [diagnosis.verdict.causes[0].effect]
+    assert tuple(diagnosis.extended.effects) == diagnosis.verdict.stated
 
 
 def test_where_it_costs_power_the_extension_gains_on_bands_not_fitted(hidden: tuple[str, Diagnosis]) -> None:

@@ -1,14 +1,12 @@
 """What to measure next: the action that tells two made-up rivals apart, by what the simulator says."""
 
-import numpy as np
 import pytest
 
-from models.diagnosis.next_measurement import next_measurements
+from models.diagnosis.next_measurement import MOST_STEPS, SEPARATED, Rival, next_measurements
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.verdict import Cause
+from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
-from tests.models.diagnosis.fabricated import fit_of
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
 
@@ -17,30 +15,46 @@ def observations() -> Observations:
     return observe(simulated_campaign(Model.baseline(), seed=1, count=20), prototype())
 
 
-def cause(effect: str, value: float, probability: float = 0.5) -> Cause:
-    return Cause(fit=fit_of(effect, np.zeros(1), value=value), probability=probability)
+def rival(effect: str, value: float, probability: float = 0.5) -> Rival:
+    head = CATALOGUE[effect].headline.name
+    model = Model.baseline().with_effect(effect, **{head: value})
+    return Rival(effects=(effect,), probability=probability, model=model)
+
+
+OFFSET = [rival("auxiliary_power", 6.0), rival("analyzer_offset", 0.02)]
 
 
 def test_one_standby_reading_tells_offset_from_auxiliary_power(observations: Observations) -> None:
-    rivals = [cause("auxiliary_power", 6.0), cause("analyzer_offset", 0.02)]
-    steps = next_measurements(observations, Model.baseline(), rivals)
-    assert steps[0].action == "standby"
-    assert set(steps[0].separates) == {"auxiliary_power", "analyzer_offset"}
-    assert steps[0].expected_sigma > 5  # 6 W against hundredths of a watt
+    (step,) = next_measurements(observations, OFFSET)
+    assert step.action == "standby"
+    assert step.separates == ("analyzer_offset", "auxiliary_power")
+    assert step.expected_sigma > 5  # 6 W against hundredths of a watt
 
 
-def test_the_best_per_minute_comes_first(observations: Observations) -> None:
-    rivals = [cause("link_resistance", 0.1), cause("core_loss_transformer", 0.8)]
-    steps = next_measurements(observations, Model.baseline(), rivals)
-    worth = [step.expected_sigma**2 / step.minutes for step in steps]
-    assert steps
-    assert worth == sorted(worth, reverse=True)
+def test_what_must_be_measured_again_has_its_set_point(observations: Observations) -> None:
+    steps = next_measurements(observations, [rival("link_resistance", 0.1), rival("sic_on_resistance", 0.5)])
+    assert steps[0].set_point is not None
+    D1, D2, power_W = steps[0].set_point
+    assert steps[0].action == f"measure D1 = {D1:.3f}, D2 = {D2:.3f}, {power_W:.0f} W"
 
 
-def test_one_cause_needs_no_further_measurement(observations: Observations) -> None:
-    assert next_measurements(observations, Model.baseline(), [cause("link_resistance", 0.1, 0.96)]) == []
+def test_steps_end_when_the_rivals_are_apart(observations: Observations) -> None:
+    close = [rival("link_resistance", 0.02), rival("sic_on_resistance", 0.25)]
+    steps = next_measurements(observations, close)
+    assert len(steps) < MOST_STEPS
+    assert sum(s.expected_sigma**2 for s in steps) > SEPARATED**2
+    assert sum(s.repeats for s in steps) < MOST_STEPS
 
 
-def test_an_improbable_rival_takes_no_part(observations: Observations) -> None:
-    rivals = [cause("link_resistance", 0.1, 0.99), cause("auxiliary_power", 3.0, 0.005)]
-    assert next_measurements(observations, Model.baseline(), rivals) == []
+def test_without_a_channel_that_tells_it_is_asked_for() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=1, count=20)[
+        ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
+    ]
+    skew = [rival("gate_delay_skew", 60e-9), Rival(effects=(), probability=0.5, model=Model.baseline())]
+    steps = next_measurements(observe(frame, prototype()), skew)
+    assert "D0" in steps[-1].action  # the bridges' skew is a phase: power hardly knows of it
+    assert steps[-1].expected_sigma > SEPARATED
+
+
+def test_one_explanation_needs_no_further_measurement(observations: Observations) -> None:
+    assert next_measurements(observations, [rival("link_resistance", 0.1, 0.96)]) == []

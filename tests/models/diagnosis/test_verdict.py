@@ -5,8 +5,10 @@ import pytest
 
 from models.diagnosis.covariance import Whitener
 from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.leftover import Leftover
 from models.diagnosis.verdict import Verdict, isolability, judge
-from tests.models.diagnosis.fabricated import fit_of
+from tests.models.diagnosis.fabricated import joint_fit
 
 SIGMA = 0.5
 WHITENER = Whitener.of(SIGMA**2 * np.eye(4))
@@ -15,24 +17,32 @@ ALONG, ACROSS = np.array([30.0, 0.0, 0.0, 0.0]), np.array([0.0, 40.0, 0.0, 0.0])
 Entry = tuple[str | None, np.ndarray, float, float]
 
 
+def _fit(effects: str | None, shift: np.ndarray) -> Fit:
+    """A fit of "a + b": each an equal part of the shift."""
+    names = effects.split(" + ") if effects else []
+    return joint_fit({name: shift / len(names) for name in names}, shift)
+
+
+def _leftover(amplitude_W: float) -> Leftover | None:
+    return Leftover(location="input", amplitude_W=amplitude_W, columns=np.arange(0)) if amplitude_W else None
+
+
 def judged(*entries: Entry, misfit: float = 1.0) -> Verdict:
-    """The verdict over (effect or None, shift, leftover in W, probability), in any order."""
+    """The verdict over (effects or None, shift, leftover in W, probability), in any order."""
     hypotheses = [
-        Hypothesis(fit=fit_of(effect, shift), leftover_W=leftover, probability=probability)
-        for effect, shift, leftover, probability in entries
+        Hypothesis(fit=_fit(effects, shift), leftover=_leftover(amplitude), probability=probability)
+        for effects, shift, amplitude, probability in entries
     ]
     return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER, misfit)
 
 
 def test_identical_shifts_cannot_be_told_apart() -> None:
-    a, b = fit_of("auxiliary_power", ALONG), fit_of("analyzer_offset", 3 * ALONG)
-    assert isolability(a, b, WHITENER) == pytest.approx(0.0, abs=1e-5)  # root of a rounding error
+    assert isolability(ALONG, 3 * ALONG, WHITENER) == pytest.approx(0.0, abs=1e-5)  # root of a rounding error
 
 
 def test_orthogonal_shifts_are_apart_by_their_length() -> None:
-    a, b = fit_of("auxiliary_power", ALONG), fit_of("gate_delay_skew", ACROSS)
-    assert isolability(a, b, WHITENER) == pytest.approx(30.0 / SIGMA, rel=1e-12)
-    assert isolability(b, a, WHITENER) == pytest.approx(40.0 / SIGMA, rel=1e-12)
+    assert isolability(ALONG, ACROSS, WHITENER) == pytest.approx(30.0 / SIGMA, rel=1e-12)
+    assert isolability(ACROSS, ALONG, WHITENER) == pytest.approx(40.0 / SIGMA, rel=1e-12)
 
 
 def test_one_cause_with_95_per_cent_is_named() -> None:
@@ -86,3 +96,26 @@ def test_a_name_that_leaves_the_data_unexplained_is_not_given() -> None:
     entries = (("link_resistance", ALONG, 0.0, 0.97), (None, 0 * ALONG, 0.0, 0.03))
     assert judged(*entries, misfit=2.0).kind == "named"  # noise understated by a third: still a name
     assert judged(*entries, misfit=9.0).kind == "unknown"
+
+
+def test_two_causes_that_are_there_together_are_both_named() -> None:
+    verdict = judged(
+        ("auxiliary_power + link_resistance", ALONG, 0.0, 0.96), ("link_resistance", ALONG, 0.0, 0.04)
+    )
+    assert verdict.kind == "named"
+    assert verdict.stated == ("link_resistance", "auxiliary_power")
+    assert verdict.causes[0].probability == pytest.approx(1.0)
+
+
+def test_a_sure_cause_stands_beside_a_pair_that_ties() -> None:
+    verdict = judged(("auxiliary_power + link_resistance", ALONG, 0.0, 0.5),
+                     ("analyzer_offset + link_resistance", ALONG, 0.0, 0.5))  # fmt: skip
+    assert (verdict.kind, verdict.stated) == ("named", ("link_resistance",))
+    assert set(verdict.groups[0]) == {"auxiliary_power", "analyzer_offset"}
+
+
+def test_what_cannot_be_told_from_nothing_has_no_group() -> None:
+    faint = 0.01 * ALONG
+    verdict = judged(("auxiliary_power", faint, 0.0, 0.5), ("gate_delay_skew", faint, 0.0, 0.48),
+                     (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
+    assert (verdict.kind, verdict.groups) == ("unknown", ())

@@ -1,0 +1,171 @@
+"""What can be done on the bench, and what every explanation that is left says of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.observations import Channel, Observations
+from sim.model import Model
+from sim.operating_points import Points
+from sim.simulate import can_run, simulate_many
+
+Array = NDArray[np.float64]
+SetPoint = tuple[float, float, float]
+
+_POINT_MIN, _UNLOADED_MIN, _REBUILD_MIN = 4.0, 1.5, 15.0
+_AMBIENT_K, _AMBIENT_MIN = 15.0, 60.0
+_DEAD_TIME_s = 200e-9
+_SPARE = 0.05  # of the power that a proposed point must leave
+_AXES = (5, 5, 6)  # points over the measured ranges of D1, D2 and power
+_PORT_1 = ("analyzer_gain", "analyzer_offset", "analyzer_range_step")
+_WINDING_Ohm = 1e-3  # what four wires are good to
+_LINK_V = 200.0  # Assumption: rms current is about power over this, as far as its noise matters
+# Noise of one averaged reading: relative to the power and least, or constant.
+_RELATIVE = {"P1_W": (1.5e-4, 0.05), "P_link1_W": (5e-4, 0.2), "P_link2_W": (5e-4, 0.2)}
+_CONSTANT = {"D0": 2e-4, "T_heatsink_C": 0.3, "T_inductor_C": 0.4, "T_transformer_C": 0.4}
+_CURRENT = (5e-4, 2e-3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """One thing to do: what it is called, the bench minutes it takes, and where."""
+
+    action: str
+    minutes: float
+    set_point: SetPoint | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """K things to do, the readings that R models expect of them (R, K, channels), and their noise (K, channels)."""
+
+    what: tuple[Option, ...]
+    readings: Array
+    sigma: Array
+
+    @property
+    def minutes(self) -> Array:
+        """Bench minutes of each, (K,)."""
+        return np.array([o.minutes for o in self.what])
+
+    def distance2(self, i: int, j: int) -> Array:
+        """Squared separation of two models by each channel of each option, (K, channels)."""
+        return np.asarray(np.nan_to_num((self.readings[i] - self.readings[j]) / self.sigma) ** 2)
+
+
+def bench_options(
+    observations: Observations, models: Sequence[Model], channels: Sequence[Channel]
+) -> Options:
+    """Everything that can be done within the measured ranges, in one look at it by every model."""
+    points = _points(observations, models)
+    most = int(np.argmax(np.asarray(points.power_W)))
+    at, one = _set_points(points)[most], points.take(np.array([most]))
+    warmer = replace(one, ambient_C=np.asarray(one.ambient_C) + _AMBIENT_K)
+    what = [
+        *_measured(points),
+        Option(
+            action=f"warm the room by {_AMBIENT_K:.0f} K and measure {said(at)}",
+            minutes=_AMBIENT_MIN,
+            set_point=at,
+        ),
+    ]
+    blocks = [(list(models), Points.join([points, warmer]))]
+    for said_so, change in _REBUILT.items():
+        what.append(Option(action=f"{said_so} {said(at)}", minutes=_REBUILD_MIN, set_point=at))
+        blocks.append(([change(m) for m in models], one))
+    what.append(Option(action="measure the ac link's resistance with four wires, warm", minutes=_REBUILD_MIN))
+    seen = [_readings(models_, where, channels) for models_, where in blocks]
+    power = np.concatenate([np.asarray(where.power_W) for _, where in blocks])
+    ohms = np.full((len(models), 1, len(channels)), np.nan)
+    ohms[:, 0, 0] = [_link_Ohm(m) for m in models]
+    return Options(
+        what=tuple(what),
+        readings=np.concatenate([*seen, ohms], axis=1),
+        sigma=np.concatenate([_sigma(channels, power), np.full((1, len(channels)), _WINDING_Ohm)]),
+    )
+
+
+def _readings(models: Sequence[Model], points: Points, channels: Sequence[Channel]) -> Array:
+    results = simulate_many(models, points)
+    return np.stack([np.stack([r[c.column] for c in channels], axis=-1) for r in results])
+
+
+def _points(observations: Observations, models: Sequence[Model]) -> Points:
+    """Standby, no load, the measured points again and a grid over their ranges, as far as every model runs there."""
+    p, loaded = observations.points, observations.loaded
+    measured = [np.asarray(x)[loaded] for x in (p.D1, p.D2, p.power_W)]
+    axes = [np.linspace(x.min(), x.max(), count) for x, count in zip(measured, _AXES, strict=True)]
+    grid = [a.ravel() for a in np.meshgrid(*axes, indexing="ij")]
+    D1, D2, power = (np.concatenate(pair) for pair in zip(measured, grid, strict=True))
+    like = Points(
+        D1=D1, D2=D2, power_W=power,
+        V1_V=float(np.median(np.asarray(p.V1_V)[loaded])),
+        V2_V=float(np.median(np.asarray(p.V2_V)[loaded])),
+        time_s=float(np.max(np.asarray(p.time_s))),
+    )  # fmt: skip
+    spare = replace(like, power_W=(1 + _SPARE) * power)
+    runs = np.flatnonzero(np.all([can_run(m, spare) for m in models], axis=0))
+    idle = replace(like.take(runs[:1]), D1=np.median(D1), D2=np.median(D2), power_W=0.0)
+    return Points.join([replace(idle, pwm=False, D1=1.0, D2=0.0), idle, like.take(runs)])
+
+
+def _set_points(points: Points) -> list[SetPoint]:
+    columns = (np.asarray(x).tolist() for x in (points.D1, points.D2, points.power_W))
+    return list(zip(*columns, strict=True))
+
+
+def _measured(points: Points) -> list[Option]:
+    """Standby, no load, and a measurement at every point after those two."""
+    unloaded = [Option(action=name, minutes=_UNLOADED_MIN) for name in ("standby", "no_load")]
+    loaded = [
+        Option(action=f"measure {said(at)}", minutes=_POINT_MIN, set_point=at)
+        for at in _set_points(points)[2:]
+    ]
+    return unloaded + loaded
+
+
+def said(at: SetPoint) -> str:
+    """A set point in words."""
+    return f"D1 = {at[0]:.3f}, D2 = {at[1]:.3f}, {at[2]:.0f} W"
+
+
+def _with_more_dead_time(model: Model) -> Model:
+    longer = model.converter.dead_time_s + _DEAD_TIME_s
+    return replace(model, converter=replace(model.converter, dead_time_s=longer))
+
+
+def _with_elements_swapped(model: Model) -> Model:
+    """What is wrong with port 1 then reads the output: the input power appears as wrong the other way."""
+    for name in _PORT_1:
+        if name in model.effects:
+            head, *_ = values = dict(model.effects[name])
+            model = model.with_effect(name, **{**values, head: -values[head]})
+    return model
+
+
+_REBUILT: dict[str, Callable[[Model], Model]] = {
+    f"set {_DEAD_TIME_s * 1e9:.0f} ns more dead time and measure": _with_more_dead_time,
+    "swap the analyzer's elements and measure": _with_elements_swapped,
+}
+
+
+def _link_Ohm(model: Model) -> float:
+    """Resistance of the ac link at dc, primary side, as four wires would find it."""
+    c = model.altered_converter()
+    return float(
+        c.link_resistance_Ohm + c.inductor.winding.resistance_Ohm + c.transformer.winding.resistance_Ohm
+    )
+
+
+def _sigma(channels: Sequence[Channel], power_W: Array) -> Array:
+    """Noise of one averaged reading of each channel at these powers, (K, channels)."""
+    columns = []
+    for c in channels:
+        if c.column in _CONSTANT:
+            columns.append(np.full(power_W.size, _CONSTANT[c.column]))
+            continue
+        (relative, least), scale = _RELATIVE.get(c.column, _CURRENT), power_W
+        columns.append(np.maximum(relative * (scale if c.column in _RELATIVE else scale / _LINK_V), least))
+    return np.stack(columns, axis=-1)

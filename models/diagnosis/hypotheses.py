@@ -1,0 +1,159 @@
+r"""A hypothesis: nothing, or some effects with their values; and the evidence for it.
+
+Values have the prior N(off, prior^2) inside their bounds. With S the effects' slopes, r what the fit leaves, C' the
+covariance under the hypothesis, :math:`\Lambda` the prior's and :math:`P = S^T C'^{-1} S + \Lambda^{-1}`, the
+marginal likelihood about the fit is Laplace's (Bishop, 2006, section 4.4), exact where the model is linear:
+
+.. math:: \ln p = -\tfrac12 r^T C'^{-1} r - \tfrac12 \ln\det C' - \tfrac12 \sum \theta^2/\tau^2
+          + \tfrac12 g^T P^{-1} g - \tfrac12 \ln\det(\Lambda P),\quad g = S^T C'^{-1} r - \Lambda^{-1} \theta .
+
+Mass of the prior and of the posterior outside the bounds does not count.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from models.diagnosis.geometry import Geometry, Projection
+from models.diagnosis.leftover import Leftover
+from models.diagnosis.signatures import Signature, Signatures
+from sim.effects.base import EffectParameter
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+_GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """One effect of a hypothesis: its value with a standard deviation, and the slope (M,) there."""
+
+    signature: Signature
+    value: float
+    sigma: float
+    slope: Array
+
+    @property
+    def effect(self) -> str:
+        """The effect's name."""
+        return self.signature.effect
+
+    @property
+    def head(self) -> EffectParameter:
+        """The parameter that the value is of."""
+        return self.signature.entry.headline
+
+    @property
+    def distance(self) -> float:
+        """From off, in the value's unit."""
+        return self.value - self.head.off
+
+    def moved(self, step: float) -> Self:
+        """The value moved, at most to its bounds."""
+        value = float(np.clip(self.value + step, self.head.lower, self.head.upper))
+        return replace(self, value=value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """A hypothesis fitted. ``shift`` (M,) is what it adds to the baseline, beside the linear part of the spreads.
+
+    ``log_evidence`` counts against an arbitrary constant that all fits of one geometry share.
+    """
+
+    terms: tuple[Term, ...]
+    shift: Array
+    log_evidence: float = -np.inf
+
+    @classmethod
+    def nothing(cls, readings: int) -> Self:
+        """The hypothesis that nothing is wrong."""
+        return cls(terms=(), shift=np.zeros(readings))
+
+    @classmethod
+    def on_a_line(cls, terms: tuple[Term, ...], bend: Array) -> Self:
+        """Terms at their values, each along its slope from off; ``bend`` (M,) comes on top."""
+        return cls(terms=terms, shift=bend + sum(t.slope * t.distance for t in terms))
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects, none for nothing."""
+        return tuple(t.effect for t in self.terms)
+
+    def term(self, effect: str) -> Term:
+        """The term of an effect."""
+        return next(t for t in self.terms if t.effect == effect)
+
+    def own(self, known: Signatures) -> Rows:
+        """Which spreads the effects take the place of."""
+        return np.unique(np.concatenate([np.empty(0, dtype=np.intp), *map(known.own_spreads, self.effects)]))
+
+    def vectors(self, residual: Array) -> Array:
+        """Slopes, then what is left of a residual, (k + 1, M)."""
+        return np.stack([*(t.slope for t in self.terms), residual - self.shift])
+
+    def moved(self, steps: Array) -> Self:
+        """Every value moved along its slope."""
+        terms = tuple(t.moved(float(s)) for t, s in zip(self.terms, steps, strict=True))
+        change = sum((new.value - old.value) * old.slope for new, old in zip(terms, self.terms, strict=True))
+        return replace(self, terms=terms, shift=self.shift + change)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighed:
+    """Evidence of a fit under one covariance, the step to its best values there, and their deviations, (k,).
+
+    ``log_evidence`` counts at most a last, small step; ``promised`` is what there is if the slopes hold all the way.
+    """
+
+    log_evidence: float
+    promised: float
+    step: Array
+    sigma: Array
+
+
+def weigh(
+    fit: Fit, seen: Projection, geometry: Geometry, own: Rows, leftover: Leftover | None = None
+) -> Weighed:
+    """Laplace's evidence; ``seen`` is the projection of ``fit.vectors(residual)``."""
+    inner, log_det = geometry.products(seen, own, leftover)
+    bare, size = -0.5 * (float(inner[-1, -1]) + log_det), len(fit.terms)
+    if not size:
+        return Weighed(log_evidence=bare, promised=bare, step=np.empty(0), sigma=np.empty(0))
+    prior = np.array([t.head.prior for t in fit.terms])
+    distance = np.array([t.distance for t in fit.terms])
+    scaled = prior[:, None] * inner[:size, :size] * prior + np.eye(size)  # in units of the prior
+    pull = prior * inner[:size, -1] - distance / prior
+    inverse = np.linalg.inv(scaled)
+    step, sigma = prior * (inverse @ pull), prior * np.sqrt(np.diag(inverse))
+    held = _held(fit, step)
+    gained = 0.5 * float(pull @ inverse @ pull)
+    here = bare - 0.5 * (float(np.sum((distance / prior) ** 2)) + float(np.linalg.slogdet(scaled)[1]))
+    here += sum(
+        _inside(t.head, t.value + s, d) - _inside(t.head, t.head.off, t.head.prior)
+        for t, s, d in zip(fit.terms, step, sigma, strict=True)
+    )
+    return Weighed(
+        log_evidence=here + (gained if np.any(held) else min(gained, _GAINED)),
+        promised=here + gained,
+        step=np.where(held, 0.0, step),
+        sigma=sigma,
+    )
+
+
+def _held(fit: Fit, step: Array) -> NDArray[np.bool_]:
+    """Which terms stand at a bound and would go further."""
+    return np.array([
+        (t.value <= t.head.lower and s < 0) or (t.value >= t.head.upper and s > 0)
+        for t, s in zip(fit.terms, step, strict=True)
+    ])  # fmt: skip
+
+
+def _inside(head: EffectParameter, mean: float, sigma: float) -> float:
+    """Log of the share of N(mean, sigma^2) inside the bounds, to rounding where the nearer bound cuts."""
+    near, far = sorted(((mean - head.lower) / sigma, (head.upper - mean) / sigma))
+    return float(log_ndtr(near) + np.log1p(-np.exp(min(log_ndtr(-far) - log_ndtr(near), -1e-12))))

@@ -1,0 +1,171 @@
+"""Columns that cannot be what their name says: stuck sensors, other units, another convention, swapped leads.
+
+A diagnosis believes every channel. One that is plainly something else would be explained by physics, so it is left
+out here and said, with what to do about it. Judged on the rows that carry power, against the baseline's prediction.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.observations import Observations
+from sim.model import Model
+from sim.parameters import Converter
+from sim.simulate import can_run, simulate
+
+Array = NDArray[np.float64]
+
+_MOST_OFF = 3.0  # of a nominal voltage, or of what the simulation expects: more is another unit
+_STUCK = 1e-9  # relative: not even the last digit moves
+_MOVES = 5.0  # noise floors that a channel should move over the campaign before it is called stuck
+_ENOUGH = 6  # readings to judge a column by
+_SHIFT = 0.02  # of a half period: how well D0's other zero is met
+_LINK = ("P_link1_W", "P_link2_W")
+_CARRIED = 0.5  # of the rows: fewer that the model can run are another converter, or swapped columns
+
+
+class ImplausibleTable(ValueError):
+    """The table as a whole cannot be of this converter; says which column, and what is allowed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RejectedColumn:
+    """Why a whole column was left out."""
+
+    column: str
+    reason: str
+
+    def as_plain(self) -> dict[str, str]:
+        """For the JSON answer."""
+        return {"column": self.column, "reason": self.reason}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Column:
+    """Readings of one channel on loaded rows, what the baseline expects there, and D1 there, (n,)."""
+
+    name: str
+    floor: float
+    measured: Array
+    expected: Array
+    D1: Array
+
+
+def check_inputs(observations: Observations, converter: Converter) -> None:
+    """Refuse tables whose voltages or duty ratios cannot be of this converter.
+
+    Raises
+    ------
+    ImplausibleTable
+        A terminal voltage far from nominal, or most rows beyond what the converter carries.
+    """
+    loaded = observations.loaded
+    for name, nominal in (("V1_V", converter.V1_V), ("V2_V", converter.V2_V)):
+        typical = float(np.median(np.asarray(getattr(observations.points, name))[loaded]))
+        low, high = nominal / _MOST_OFF, nominal * _MOST_OFF
+        if not low < typical < high:
+            raise ImplausibleTable(
+                f"{name}: median {typical:g}, but this converter's is {nominal:g} V; {low:.0f} to {high:.0f} V is "
+                "allowed. Is the column in another unit, or the model that of another converter?"
+            )
+
+
+def check_set_points(observations: Observations, baseline: Model) -> None:
+    """Refuse tables of which the model can run less than half.
+
+    Raises
+    ------
+    ImplausibleTable
+        Says whether D1 and D2 swapped would do.
+    """
+    points = observations.points.take(np.flatnonzero(observations.loaded))
+    runs = can_run(baseline, points)
+    if np.mean(runs) >= _CARRIED:
+        return
+    swapped = can_run(baseline, replace(points, D1=points.D2, D2=points.D1))
+    hint = (
+        "with D1 and D2 swapped it could: are the columns exchanged?"
+        if np.mean(swapped) > 2 * np.mean(runs)
+        else ("is the model file that of this converter, and P2_W in watts?")
+    )
+    raise ImplausibleTable(
+        f"D1, D2, P2_W: the model can carry the power of only {int(runs.sum())} of {len(points)} rows; {hint}"
+    )
+
+
+def plausible(observations: Observations, baseline: Model) -> tuple[Observations, list[RejectedColumn]]:
+    """Observations without the columns that cannot be what they are called, and why each was left out."""
+    rejected = []
+    rows = np.flatnonzero(observations.loaded & np.isin(np.arange(len(observations.frame)), observations.row))
+    result = simulate(baseline, observations.points.take(rows))
+    for channel in observations.channels:
+        readings = np.asarray(observations.frame[channel.column], dtype=np.float64)[rows]
+        good = np.isfinite(readings) & np.isfinite(result[channel.column])
+        column = _Column(
+            name=channel.column,
+            floor=channel.floor,
+            measured=readings[good],
+            expected=result[channel.column][good],
+            D1=np.asarray(observations.points.D1)[rows][good],
+        )
+        if good.sum() >= _ENOUGH:
+            reason = next((said for judge in _JUDGES if (said := judge(column)) is not None), None)
+            if reason is not None:
+                rejected.append(RejectedColumn(column=channel.column, reason=reason))
+    names = {r.column for r in rejected}
+    rejected += [r for r in _crossed(observations) if names.isdisjoint(_LINK)]
+    names = {r.column for r in rejected}
+    keep = ~np.isin(
+        observations.channel, [k for k, c in enumerate(observations.channels) if c.column in names]
+    )
+    return observations.take(keep), rejected
+
+
+def _stuck(c: _Column) -> str | None:
+    spread = float(np.ptp(c.measured))
+    if spread > _STUCK * max(abs(float(c.measured[0])), 1e-12) or np.ptp(c.expected) < _MOVES * c.floor:
+        return None
+    return f"reads {c.measured[0]:g} in all {c.measured.size} rows: a stuck sensor, or a constant filled in"
+
+
+def _other_unit(c: _Column) -> str | None:
+    if c.name.startswith("T_"):
+        kelvin = float(np.median(c.measured)) > 200.0
+        return (
+            "above 200 degC in most rows: this looks like kelvin; temperatures are in degC"
+            if kelvin
+            else None
+        )
+    if c.name in ("D0", "P1_W"):
+        return None
+    ratio = float(np.median(c.measured / c.expected))
+    if 1 / _MOST_OFF < ratio < _MOST_OFF:
+        return None
+    unit = c.name.rsplit("_", 1)[-1]
+    return f"{ratio:.3g} times what the model expects: is it in another unit? {c.name} is in {unit}"
+
+
+def _other_zero(c: _Column) -> str | None:
+    if c.name != "D0":
+        return None
+    apart = c.measured - c.expected
+    if np.median(np.abs(apart)) < _SHIFT or np.median(np.abs(apart - (1 - c.D1))) > _SHIFT:
+        return None
+    return "is 1 - D1 above what is expected: counted from S2's edge, where this D0 is from S1's; give D0 - (1 - D1)"
+
+
+_JUDGES: tuple[Callable[[_Column], str | None], ...] = (_stuck, _other_unit, _other_zero)
+
+
+def _crossed(observations: Observations) -> list[RejectedColumn]:
+    """Both powers of the ac link where the second is the larger: the elements are exchanged."""
+    frame = observations.frame[observations.loaded]
+    if not set(_LINK) <= set(frame):
+        return []
+    behind = (frame["P_link1_W"].astype(float) - frame["P_link2_W"].astype(float)).dropna()
+    if behind.size < _ENOUGH or behind.median() >= 0:
+        return []
+    reason = "P_link2_W is above P_link1_W in most rows: more power behind the link than before it; are they exchanged?"
+    return [RejectedColumn(column=name, reason=reason) for name in _LINK]

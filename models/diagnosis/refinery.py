@@ -1,0 +1,147 @@
+"""Hypotheses are simulated at their values until they stand still: the simulator decides, not its tangent."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.geometry import Geometry
+from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
+from models.diagnosis.leftover import Leftover
+from models.diagnosis.observations import Observations
+from models.diagnosis.signatures import Signatures
+from sim.model import Model
+from sim.simulate import Result
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 4
+_BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
+_STILL = 0.05  # of the value's standard deviation
+_REACH = 0.7  # prior scales that one step may go
+_WITHIN = 3.0  # sigmas that a spread may take
+_FAR_ENOUGH = 0.2  # standard deviations between two states that tell a slope
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refinery:
+    """Simulates hypotheses at their fitted values and spreads, each starting from ``near``."""
+
+    known: Signatures
+    observations: Observations
+    baseline: Model
+    geometry: Geometry
+    near: Result | None = None
+
+    @property
+    def residual(self) -> Array:
+        """Readings less the baseline's prediction, (M,)."""
+        return self.observations.value - self.known.baseline
+
+    def weighed(self, fit: Fit, leftover: Leftover | None = None) -> Weighed:
+        """The evidence of a fit as it stands."""
+        seen = self.geometry.project(fit.vectors(self.residual))
+        return weigh(fit, seen, self.geometry, fit.own(self.known), leftover)
+
+    def spreads(self, fit: Fit) -> Array:
+        """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
+        own = fit.own(self.known)
+        left = self.geometry.project((self.residual - fit.shift)[None])
+        onto = left.on_spreads[:, 0]
+        if own.size:
+            between = self.geometry.between_spreads
+            inner = np.eye(own.size) - between[np.ix_(own, own)]
+            onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]
+        state = np.clip(onto[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
+        state[own] = 0.0
+        return np.asarray(state)
+
+    def model(self, fit: Fit, spreads: Array) -> Model:
+        """The baseline with these spreads and the fit's effects."""
+        converter = self.baseline.converter
+        for entry, sigmas in zip(self.known.spread_entries, spreads, strict=True):
+            converter = entry.shifted(converter, float(sigmas))
+        model = Model(converter=converter, effects=self.baseline.effects)
+        for term in fit.terms:
+            model = model.with_effect(term.effect, **term.signature.values(term.value))
+        return model
+
+    def simulated(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Every fit with its shift from the simulator, its evidence, and slopes that have learned from the way.
+
+        Where the simulator has no answer the old shift stays.
+        """
+        states = [self.spreads(fit) for fit in fits]
+        models = [self.model(fit, state) for fit, state in zip(fits, states, strict=True)]
+        seen = []
+        for fit, state, here in zip(fits, states, self.observations.simulate(models, self.near), strict=True):
+            shift = here - state @ self.known.spreads[: state.size] - self.known.baseline
+            shift = np.where(np.isfinite(shift), shift, fit.shift)
+            fit = replace(fit, shift=shift)
+            seen.append(replace(fit, log_evidence=self.weighed(fit).log_evidence))
+        return seen
+
+    def followed(self, fits: Iterable[Fit], leader: float = -np.inf) -> list[Fit]:
+        """Newton's steps from simulated fits until all stand still, each to its best state.
+
+        What falls far behind the ``leader`` is left where it is. A step that loses evidence is halved from the
+        best state seen: where edges pass each other the simulation is not smooth.
+        """
+        best = {_key(fit): fit for fit in fits}
+        ahead = self._onward(list(best.values()), leader)
+        for _ in range(_ROUNDS):
+            if not ahead:
+                break
+            going = []
+            for aimed, fit in zip(ahead, self.simulated(ahead), strict=True):
+                known = best[_key(fit)]
+                fit = _taught(fit, known, aimed, self.weighed(known).sigma)
+                if fit.log_evidence > known.log_evidence:
+                    best[_key(fit)] = fit
+                    going += self._onward([fit], leader)
+                else:
+                    halved = 0.5 * (np.array([t.value for t in fit.terms]) - [t.value for t in known.terms])
+                    going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
+            leader = max([leader, *(f.log_evidence for f in best.values())])
+            ahead = [f for f in going if best[_key(f)].log_evidence >= hopeless(leader)]
+        return list(best.values())
+
+    def _onward(self, fits: list[Fit], leader: float) -> list[Fit]:
+        """The fits that have a step to go, moved by it."""
+        moved = []
+        for fit in fits:
+            weighed = self.weighed(fit)
+            if fit.log_evidence < hopeless(leader) or np.all(np.abs(weighed.step) <= _STILL * weighed.sigma):
+                continue
+            reach = _REACH * np.array([t.head.prior for t in fit.terms])
+            moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
+        return moved
+
+
+def hopeless(leader: float) -> float:
+    """Evidence below which a candidate will not catch up with the leader."""
+    return leader - _BEHIND if np.isfinite(leader) else -np.inf
+
+
+def _key(fit: Fit) -> tuple[object, ...]:
+    return tuple((t.effect, tuple(sorted(t.signature.other.items()))) for t in fit.terms)
+
+
+def _with_slopes(fit: Fit, taught: Fit) -> tuple[Term, ...]:
+    return tuple(replace(t, slope=new.slope) for t, new in zip(fit.terms, taught.terms, strict=True))
+
+
+def _taught(fit: Fit, before: Fit, aimed: Fit, sigma: Array) -> Fit:
+    """The fit with slopes that reproduce the way from ``before``: Broyden's update, steps counted in sigmas."""
+    way = np.array([new.value - old.value for new, old in zip(fit.terms, before.terms, strict=True)])
+    scaled = way / np.maximum(sigma, 1e-300)
+    length2 = float(scaled @ scaled)
+    if length2 < _FAR_ENOUGH**2:
+        return fit
+    missed = (fit.shift - aimed.shift) / length2
+    terms = tuple(
+        t if t.signature.entry.threshold else replace(t, slope=t.slope + missed * (s / max(d, 1e-300)))
+        for t, s, d in zip(fit.terms, scaled, sigma, strict=True)
+    )
+    return replace(fit, terms=terms)

@@ -1,0 +1,48 @@
+"""Woodbury's way against numpy on the whole matrix."""
+
+import numpy as np
+import pytest
+
+from models.diagnosis.covariance import Whitener
+from models.diagnosis.geometry import Geometry
+from models.diagnosis.leftover import Leftover, Leftovers
+
+READINGS, OWN = 14, np.array([0, 2])
+RNG = np.random.default_rng(3)
+ROOT = RNG.standard_normal((READINGS, READINGS))
+SPREADS, BASIS = RNG.standard_normal((4, READINGS)), RNG.standard_normal((5, READINGS))
+WHOLE = ROOT @ ROOT.T + READINGS * np.eye(READINGS) + SPREADS.T @ SPREADS
+LEFTOVER = Leftover(location="input", amplitude_W=1.7, columns=np.array([1, 3, 4]))
+GEOMETRY = Geometry.of(Whitener.of(WHOLE), SPREADS, Leftovers(basis=BASIS, configurations=(LEFTOVER,)))
+VECTORS = RNG.standard_normal((3, READINGS))
+NOBODY = np.empty(0, dtype=np.intp)
+
+
+def direct(own: np.ndarray, leftover: Leftover | None) -> np.ndarray:
+    """The covariance written out."""
+    covariance = WHOLE - SPREADS[own].T @ SPREADS[own]
+    if leftover is not None:
+        columns = leftover.amplitude_W * BASIS[leftover.columns]
+        covariance = covariance + columns.T @ columns
+    return covariance
+
+
+@pytest.mark.parametrize("leftover", [None, LEFTOVER])
+@pytest.mark.parametrize("own", [NOBODY, OWN])
+def test_products_and_determinant_are_those_of_the_matrix_written_out(
+    own: np.ndarray, leftover: Leftover | None
+) -> None:
+    products, log_det = GEOMETRY.products(GEOMETRY.project(VECTORS), own, leftover)
+    covariance = direct(own, leftover)
+    np.testing.assert_allclose(
+        products, VECTORS @ np.linalg.solve(covariance, VECTORS.T), rtol=1e-9, atol=1e-12
+    )
+    expected = np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(WHOLE)[1]
+    assert log_det == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("leftover", [None, LEFTOVER])
+@pytest.mark.parametrize("own", [NOBODY, OWN])
+def test_solutions_are_those_of_the_matrix_written_out(own: np.ndarray, leftover: Leftover | None) -> None:
+    expected = np.linalg.solve(direct(own, leftover), VECTORS.T).T
+    np.testing.assert_allclose(GEOMETRY.solve(VECTORS, own, leftover), expected, rtol=1e-9, atol=1e-12)

@@ -1,0 +1,87 @@
+"""Columns that are something else than their name says are found, named, and left out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from models.diagnosis.observations import observe
+from models.diagnosis.plausibility import (
+    ImplausibleTable,
+    RejectedColumn,
+    check_inputs,
+    check_set_points,
+    plausible,
+)
+from sim.model import Model
+from sim.prototype import prototype
+from tests.models.diagnosis.virtual_campaign import simulated_campaign
+
+BASELINE = Model.baseline()
+
+
+@pytest.fixture(scope="module")
+def frame() -> pd.DataFrame:
+    return simulated_campaign(BASELINE, seed=4, count=16)
+
+
+def rejected(frame: pd.DataFrame) -> list[RejectedColumn]:
+    observations, found = plausible(observe(frame, prototype()), BASELINE)
+    left = {c.column for k, c in enumerate(observations.channels) if np.any(observations.channel == k)}
+    assert left.isdisjoint(r.column for r in found)
+    return found
+
+
+def test_a_campaign_as_it_should_be_keeps_all_columns(frame: pd.DataFrame) -> None:
+    assert rejected(frame) == []
+
+
+@pytest.mark.parametrize(
+    ("column", "change", "said"),
+    [
+        ("D0", lambda f: 0.05 + 0 * f["D0"], "stuck"),
+        ("T_heatsink_C", lambda f: 25.0 + 0 * f["D0"], "stuck"),
+        ("I_L_rms_A", lambda f: 1000 * f["I_L_rms_A"], "another unit"),
+        ("P_link1_W", lambda f: f["P_link1_W"] / 1000, "another unit"),
+        ("T_inductor_C", lambda f: f["T_inductor_C"] + 273.15, "kelvin"),
+        ("D0", lambda f: f["D0"] + 1 - f["D1"], "S2's edge"),
+    ],
+)
+def test_a_column_that_is_something_else_is_left_out(
+    frame: pd.DataFrame, column: str, change, said: str
+) -> None:
+    (found,) = rejected(frame.assign(**{column: change}))
+    assert found.column == column
+    assert said in found.reason
+
+
+def test_exchanged_link_powers_are_left_out_together(frame: pd.DataFrame) -> None:
+    crossed = frame.rename(columns={"P_link1_W": "P_link2_W", "P_link2_W": "P_link1_W"})
+    found = rejected(crossed)
+    assert [r.column for r in found] == ["P_link1_W", "P_link2_W"]
+    assert "exchanged" in found[0].reason
+
+
+def test_a_constant_that_has_to_be_constant_is_kept(frame: pd.DataFrame) -> None:
+    one = pd.concat([frame.head(1)] * 8, ignore_index=True)
+    assert rejected(one) == []
+
+
+def test_voltages_in_kilovolts_are_refused(frame: pd.DataFrame) -> None:
+    with pytest.raises(ImplausibleTable, match=r"V1_V: median 0\.3.*another unit"):
+        check_inputs(observe(frame.assign(V1_V=0.3), prototype()), prototype())
+
+
+def test_exchanged_duty_ratios_are_refused_with_the_hint(frame: pd.DataFrame) -> None:
+    exchanged = frame.assign(D1=frame["D2"], D2=frame["D1"])
+    with pytest.raises(ImplausibleTable, match="are the columns exchanged"):
+        check_set_points(observe(exchanged, prototype()), BASELINE)
+
+
+def test_the_table_of_another_converter_is_refused(frame: pd.DataFrame) -> None:
+    weak = replace(
+        BASELINE, converter=replace(prototype(), inductor=replace(prototype().inductor, inductance_H=2e-3))
+    )
+    with pytest.raises(ImplausibleTable, match="model file that of this converter"):
+        check_set_points(observe(frame, weak.converter), weak)
