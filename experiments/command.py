@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -53,6 +53,9 @@ def experiment(
     out_folder: Annotated[Path, typer.Option("--out", metavar="DIR")] = DEFAULT_FOLDER,
     processes: Annotated[int, typer.Option(min=1, help="trials side by side")] = 2,
     again: Annotated[bool, typer.Option("--again", help="with all: also what DIR already holds")] = False,
+    reference: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="other people's points, for simulator_benchmark")
+    ] = None,
 ) -> None:
     """Run an experiment: print its tables, and write DIR/NAME.json and DIR/NAME.html, pictures beside them.
 
@@ -63,7 +66,8 @@ def experiment(
         _list()
         return
     share = _scale(quick, scale)
-    task = _Task(scale=share, folder=out_folder, processes=processes, code=_code())
+    settings = Settings(out=out_folder, scale=share, processes=processes, reference=reference)
+    task = _Task(settings=settings, code=_code())
     if name == "all":
         _all(task, again)
     else:
@@ -106,28 +110,25 @@ def _now() -> str:
 class _Task:
     """How everything of one command is run."""
 
-    scale: float
-    folder: Path
-    processes: int
+    settings: Settings
     code: str
 
     def run(self, found: Entry) -> Page:
         """Run and write one experiment."""
         start_s = time.perf_counter()
         with _watching(found.name) as watch:
-            settings = Settings(out=self.folder, scale=self.scale, processes=self.processes, watch=watch)
-            result = found.experiment.run(settings)
+            result = found.experiment.run(replace(self.settings, watch=watch))
         seconds = time.perf_counter() - start_s
-        page = Page(
-            entry=found, result=result, scale=self.scale, seconds=seconds, created=_now(), code=self.code
-        )
-        page.write(self.folder)
+        scale = self.settings.scale
+        page = Page(entry=found, result=result, scale=scale, seconds=seconds, created=_now(), code=self.code)
+        page.write(self.settings.out)
         return page
 
     def kept(self, found: Entry) -> Page | None:
         """What an earlier run of the same code and scale left."""
-        page = Page.read(self.folder, found)
-        return page if page is not None and (page.code, page.scale) == (self.code, self.scale) else None
+        page = Page.read(self.settings.out, found)
+        same = page is not None and (page.code, page.scale) == (self.code, self.settings.scale)
+        return page if same else None
 
 
 def _all(task: _Task, again: bool) -> None:
@@ -138,8 +139,8 @@ def _all(task: _Task, again: bool) -> None:
         err.print(escape(f"{number}/{len(entries)} {found.name}{': kept from before' if page else ''}"))
         pages.append(page or task.run(found))
         _print_judged(pages[-1])
-    overview = Overview(pages=tuple(pages), scale=task.scale, created=_now())
-    written = overview.write(task.folder)
+    overview = Overview(pages=tuple(pages), scale=task.settings.scale, created=_now())
+    written = overview.write(task.settings.out)
     counted = f"{overview.count('met')} met, {overview.count('missed')} missed"
     files = " and ".join(map(str, written))
     out.print(escape(f"{counted}; {duration(overview.seconds)} of work; written to {files}"))

@@ -1,7 +1,5 @@
 """One folder for all experiments of a test run, so that grids and campaigns are made once."""
 
-from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,9 +23,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Settings:
 
 
 @pytest.fixture
-def instant_diagnosis(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def instant_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
     """The simulator stands in for the calibrated physics: the diagnosis has tests of its own, and takes its time."""
     found = SimpleNamespace(calibrated=SimulatorStage(_simulated))
     for module in (learners, optima):
         monkeypatch.setattr(module, "diagnose", lambda *_, **__: found)
-    yield

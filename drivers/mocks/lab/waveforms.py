@@ -1,7 +1,7 @@
 """The lab's ac link: its own temperature laws, then the waveform solver."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,12 @@ from sim.modulation import centre_offset, hybrid_edges
 from sim.parameters import Converter
 from sim.regulation import Regulated, regulate
 from sim.soft_switching import swing_curve
-from sim.steady_state import Circuit
+from sim.steady_state import FINE, Circuit
 
 Array = NDArray[np.float64]
 
 _BENT_ROUNDS = 2  # a run goes on from the last one's solution, and every point is run several times
+LAB_ACCURACY = replace(FINE, power=1e-5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,6 +120,6 @@ class Link:
         for _ in range(1 if self.choke.drop == 0.0 else _BENT_ROUNDS):
             extra = 0.0 if warm is None else self.choke.extra_W(warm.orbit)
             goal = np.maximum(target - extra, 0.0)
-            warm = regulate(circuit, edges, goal, warm=warm, tolerance=1e-5)
+            warm = regulate(circuit, edges, goal, warm=warm, accuracy=LAB_ACCURACY)
         assert warm is not None
         return circuit, warm
