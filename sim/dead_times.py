@@ -4,7 +4,7 @@ Every edge is seen in the frame in which its square wave rises. The driving curr
 current into it, that of a secondary leg n times the link current less the magnetizing one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from sim.waveform import Circuit, Pieces, Steps, half_wave
 
 Array = NDArray[np.float64]
 
+_NARROWEST = 1e-5  # of a ramp, in Th: a quarter of a nanosecond at 20 kHz
 _OTHERS = ~np.eye(4, dtype=bool)[:, :, None]
 
 
@@ -60,8 +61,8 @@ def commutations(
     link = parity * link
     of_secondary = n * (link[2:] - magnetizing_current(circuit, edges, edges[2:]))
     current = np.concatenate([-link[:2], of_secondary])
-    ahead = wrapped(flips[:, None] - edges[None, :])  # next rise of leg l seen from edge e
-    drive, weight = _drive(circuit, ahead)
+    drive, meeting = _drive(circuit, wrapped(flips[:, None] - edges[None, :]), flips - edges)
+    current = current + meeting.current_A
     first = (np.arange(4)[:, None] * circuit.curves.shape[1] + circuit.curve) * CURVE_POINTS
     curves = Curves(values=circuit.curves.ravel(), first=first)
     commutation = commutate(current, drive, circuit.dead_time_s, circuit.charge_C, curves)
@@ -71,7 +72,7 @@ def commutations(
         crossed=crossed,
         link_slope_A=across_V * (circuit.half_period_s / circuit.inductance_H),
         turns=np.concatenate([-parity[:2], n * parity[2:]]),
-        delay_per_flip=-weight * commutation.delay_per_A,
+        delay_per_flip=meeting.per_flip_A * commutation.delay_per_A,
     )
     return commutation, view
 
@@ -91,37 +92,70 @@ def _current_at(pieces: Pieces, stretch: NDArray[np.intp], time_s: Array) -> tup
     return np.asarray(i + (w - a * i) * t * (-np.expm1(-x) / x)), crossed
 
 
-def _drive(circuit: Circuit, ahead: Array) -> tuple[Drive, Array]:
-    """What moves the driving currents, and by how much (A per Th) each flip does so when it comes later.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Meeting:
+    """What edges that meet do to the driving currents: at the edge (4, N), in A, and per Th that a flip comes later."""
 
-    The weight counts a flip by the share of the dead time that is left after it.
+    current_A: Array
+    per_flip_A: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ramp:
+    """The swing of another leg as a ramp: ``middle`` from the edge, ``half`` its half width, in Th.
+
+    It carries the volt-seconds of the instant step, begins no earlier than its own edge and ends within its dead time:
+    what an edge sees of it moves smoothly when the two pass each other.
     """
+
+    middle: Array
+    half: Array
+
+    def passed(self, time: Array) -> Array:
+        """Share of the swing that is done at a time."""
+        return np.clip((time - self.middle + self.half) / (2.0 * self.half), 0.0, 1.0)
+
+    def integral(self, time: Array) -> Array:
+        """Integral of that share up to a time."""
+        share = self.passed(time)
+        return self.half * share**2 + np.maximum(time - self.middle - self.half, 0.0)
+
+
+def _drive(circuit: Circuit, ahead: Array, delay: Array) -> tuple[Drive, _Meeting]:
+    """What moves the driving currents of edges (second axis) whose legs' rises (first axis) lie ``ahead``."""
     half = 0.5 * np.stack([circuit.V1_V, circuit.V1_V, circuit.nV2_V, circuit.nV2_V])
     link = np.array([1.0, 1.0, -1.0, -1.0])[:, None] / circuit.inductance_H * half
     shunt = np.array([0.0, 0.0, -1.0, -1.0])[:, None] / circuit.magnetizing_H * half
     primary, secondary = -link, circuit.turns_ratio * (link + shunt)
     # d(driving current)/dt at edge e while leg l is up: of a primary edge, of a secondary edge
     gain = np.stack([primary, secondary])
-    down = ahead > 0
-    up = 1.0 - 2.0 * down
+    up = 1.0 - 2.0 * (ahead > 0)
     own = np.concatenate([primary[:2], secondary[2:]])
     base = np.stack([np.sum(gain[k // 2] * up[:, k], axis=0) - own[k] * up[k, k] for k in range(4)])
-    # the next flip of another leg: up where it is down, down where it is up
-    wait = ahead + ~down
     dead = circuit.dead_time_s / circuit.half_period_s
-    chosen = np.nonzero((wait < dead) & _OTHERS)
-    weight = np.zeros_like(ahead)
+    width = np.maximum(np.minimum(delay, dead - delay), _NARROWEST)
+    # the nearest flip of each leg: its rise, or its fall half a period from there
+    falls = np.abs(ahead) > 0.5
+    middle = ahead - np.where(falls, np.sign(ahead), 0.0)
+    chosen = np.nonzero((middle < dead + width[:, None]) & (middle > -width[:, None]) & _OTHERS)
+    drive = Drive(outside_A_per_s=base, own_A_per_s=own)
+    meeting = _Meeting(current_A=np.zeros_like(base), per_flip_A=np.zeros_like(ahead))
     if not chosen[0].size:
-        return Drive(outside_A_per_s=base, own_A_per_s=own), weight
+        return drive, meeting
     legs, targets, points = chosen
-    kick = -2.0 * up[chosen] * gain[targets // 2, legs, points]
+    ramp, before = _Ramp(middle=middle[chosen], half=width[legs, points]), middle[chosen] > 0
+    kick = np.where(falls[chosen], -2.0, 2.0) * gain[targets // 2, legs, points]
     half_period_s = circuit.half_period_s[points]
-    weight[chosen] = kick * half_period_s * (1.0 - wait[chosen] / dead[points])
-    ends = steps_of(circuit.dead_time_s[points])
-    after = np.clip((ends[1:] - wait[chosen] * half_period_s) / np.diff(ends, axis=0), 0.0, 1.0)
+    ends = steps_of(dead[points])
+    mean = np.diff(ramp.integral(ends), axis=0) / np.diff(ends, axis=0) - ~before
+    early = ramp.integral(np.zeros_like(half_period_s)) - np.maximum(-ramp.middle, 0.0)
+    np.add.at(meeting.current_A, (targets, points), kick * half_period_s * early)
+    done = ramp.passed(np.zeros_like(half_period_s))
+    later = done + (1.0 - done) * np.clip(1.0 - ramp.middle / dead[points], 0.0, 1.0)
+    meeting.per_flip_A[chosen] = kick * half_period_s * (~before - later)
     kicked, which = np.unique(targets * dead.size + points, return_inverse=True)
-    kicks = np.zeros((after.shape[0], kicked.size))
+    kicks = np.zeros((mean.shape[0], kicked.size))
     for leg in range(4):  # of one leg, no place comes twice
-        own_rows = legs == leg
-        kicks[:, which[own_rows]] += (kick * after)[:, own_rows]
-    return Drive(outside_A_per_s=base, own_A_per_s=own, kicked=kicked, kicks_A_per_s=kicks), weight
+        rows = legs == leg
+        kicks[:, which[rows]] += (kick * mean)[:, rows]
+    return replace(drive, kicked=kicked, kicks_A_per_s=kicks), meeting
