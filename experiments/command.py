@@ -56,6 +56,10 @@ def experiment(
     reference: Annotated[
         Path | None, typer.Option(metavar="FILE", help="other people's points, for simulator_benchmark")
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PART", help="of an experiment that has parts; may be repeated"),
+    ] = None,
 ) -> None:
     """Run an experiment: print its tables, and write DIR/NAME.json and DIR/NAME.html, pictures beside them.
 
@@ -65,13 +69,20 @@ def experiment(
     if name == "list":
         _list()
         return
-    share = _scale(quick, scale)
-    settings = Settings(out=out_folder, scale=share, processes=processes, reference=reference)
+    settings = Settings(
+        out=out_folder,
+        scale=_scale(quick, scale),
+        processes=processes,
+        reference=reference,
+        only=tuple(only or ()),
+    )
     task = _Task(settings=settings, code=_code())
     if name == "all":
         _all(task, again)
     else:
-        _print_page(task.run(_entry(name)), out_folder)
+        found = _entry(name)
+        _check_parts(found, settings.only)
+        _print_page(task.run(found), out_folder)
 
 
 def _list() -> None:
@@ -104,6 +115,13 @@ def _code() -> str:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _check_parts(found: Entry, only: tuple[str, ...]) -> None:
+    parts = found.experiment.parts
+    if wrong := [name for name in only if name not in parts]:
+        allowed = f"one of {', '.join(parts)}" if parts else f"{found.name} has no parts"
+        raise InputError.of("command line", "--only", wrong[0], allowed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -107,8 +107,8 @@ def measured_rows(number: int, count: int, rng: np.random.Generator) -> pd.DataF
                 max(2, round(count / len(VOLTAGES_V) / len(INDUCTANCES))), V1_V, deviation, rng
             )
             plan = schedule(*points.T, standby=0, no_load=0, reference_every=len(points) + 1)
-            still = replace(plan, time_s=np.zeros(plan.time_s.size))
-            table = survey(changed, still, seed=seed_of(number), supply_V=V1_V)
+            still = replace(plan, time_s=np.zeros(plan.time_s.size), supply_V=V1_V)
+            table = survey(changed, still, seed=seed_of(number))
             parts.append(_under(table[table["kind"] == "load"], V1_V, deviation))
     return pd.concat(parts, ignore_index=True)
 

@@ -112,7 +112,7 @@ class Bench:
 
     def read(self, plan: Schedule) -> pd.DataFrame:
         """Readings of a schedule."""
-        return survey(self.lab, plan, seed=self.seed, supply_V=self.model.converter.V1_V)
+        return survey(self.lab, replace(plan, supply_V=self.model.converter.V1_V), seed=self.seed)
 
     def true(self, points: Array) -> Floats:
         """Noise-free readings."""

@@ -15,6 +15,7 @@ from bench.cli import build
 from bench.config import CampaignConfig, check
 from bench.tables import COLUMNS
 from bench.wording import MODEL_NAMES, VERDICTS
+from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
 from models.screening import KINDS, KNOWN_COLUMNS
 from sim.effects.catalogue import CATALOGUE
@@ -66,6 +67,11 @@ def effect_rows() -> Iterator[Row]:
 
 def test_effects_are_those_of_the_catalogue() -> None:
     assert table("NOMENCLATURE.md", "Effects") == list(effect_rows())
+
+
+def test_foreign_effects_are_those_of_the_lab() -> None:
+    listed = table("NOMENCLATURE.md", "Foreign effects")
+    assert listed == [(f.name, f.unit, f.where, f.says) for f in FOREIGN.values()]
 
 
 def test_measurement_columns_are_those_that_are_read_and_stored() -> None:

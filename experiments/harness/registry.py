@@ -19,10 +19,14 @@ _NOT_ONE = ("command",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """A title, and the function that runs it; ``apart`` from ``all`` are trials that take their own afternoon."""
+    """A title, the function that runs it, and the parts of it that can be run alone, if any.
+
+    ``apart`` from ``all`` are trials that take an afternoon of their own.
+    """
 
     title: str
     run: Callable[[Settings], Result]
+    parts: tuple[str, ...] = ()
     apart: bool = False
 
 

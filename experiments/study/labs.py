@@ -90,7 +90,7 @@ def measured_at(number: int, points: Array, *, seed: int, modulation: str = "hyb
     """A lab's readings at (D1, D2, power_W) rows, all at one time; rows that cannot run are absent."""
     plan = schedule(*points.T, standby=0, no_load=0, reference_every=len(points) + 1)
     at_once = replace(plan, time_s=np.zeros(plan.time_s.size))
-    table = survey(laboratory(number).driven_by(modulation), at_once, seed=seed, supply_V=SUPPLY_V)
+    table = survey(laboratory(number).driven_by(modulation), at_once, seed=seed)
     return table[table["kind"] == "load"].reset_index(drop=True)
 
 
@@ -125,7 +125,7 @@ def grid_table(folder: Path, shape: tuple[int, int, int] = PAPER_GRID) -> pd.Dat
 def _campaign(number: int, points: int) -> pd.DataFrame:
     chosen = set_points(points, np.random.default_rng([seed_of(number), 21]))
     plan = paced(schedule(*chosen.T, reference_every=REFERENCE_EVERY))
-    table = survey(laboratory(number), plan, seed=seed_of(number), supply_V=SUPPLY_V)
+    table = survey(laboratory(number), plan, seed=seed_of(number))
     loaded = table["kind"].isin(("load", "reference")).to_numpy()
     rows = table.loc[loaded, ["D1", "D2", "P2_W"]].to_numpy(dtype=np.float64)
     D1, D2, power_W = rows.T

@@ -33,7 +33,7 @@ class Choke:
         """Current in A where a constant inductance would carry ``straight_A``.
 
         >>> float(Choke(drop=0.2).current(np.array(10.0)).round(2))
-        10.32
+        10.33
         """
         bend = self.drop / (3 * REFERENCE_A**2) * straight_A**2
         return np.asarray(straight_A * (1 + bend * (1 + bend * (3 + bend * (12 + 55 * bend)))))

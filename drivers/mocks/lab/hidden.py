@@ -34,6 +34,7 @@ class Quirks:
     low_range_A: float = 5.0
     duty_offset: float = 0.0
     choke_drop: float = 0.0
+    warmer_K: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ _GAIN = {1: 3e-4 / np.sqrt(3), 2: 3e-4 / np.sqrt(3), 3: 2e-3 / np.sqrt(3), 4: 2e
 _OFFSET_A = {1: 2.5e-3 / np.sqrt(3), 2: 5e-3 / np.sqrt(3), 3: 0.0, 4: 0.0}
 _OFFSET_W = {1: 0.0, 2: 0.0, 3: 1.0, 4: 1.0}
 _NOISE = {1: 1e-4, 2: 1e-4, 3: 4e-4, 4: 4e-4}  # of reading, one update
+_SENSORS = ("heatsink", "inductor", "transformer")
 _TEMPERATURE_OFFSET_K = 0.3
 _TAIL = 6.0  # degrees of freedom of the noise: heavier tails than normal
 
@@ -38,6 +39,20 @@ class InstrumentErrors:
     correlation: float = 0.0
 
 
+def perfect_instruments() -> InstrumentErrors:
+    """Instruments that read what is there, and the noise of good ones."""
+    none = dict.fromkeys(_GAIN, 0.0)
+    return InstrumentErrors(
+        voltage_gain=none,
+        current_gain=none,
+        offset_A=none,
+        offset_W=none,
+        temperature_K=dict.fromkeys(_SENSORS, 0.0),
+        output_sense=0.0,
+        supply_V=0.0,
+    )
+
+
 def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
     """One lab's instruments, all inside their specification."""
 
@@ -50,9 +65,7 @@ def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
         current_gain={e: 0.6 * g for e, g in halves.items()},
         offset_A={e: uniform(s) for e, s in _OFFSET_A.items()},
         offset_W={e: uniform(s) for e, s in _OFFSET_W.items()},
-        temperature_K={
-            n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in ("heatsink", "inductor", "transformer")
-        },
+        temperature_K={n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in _SENSORS},
         output_sense=uniform(5e-4),
         supply_V=uniform(0.1),
     )

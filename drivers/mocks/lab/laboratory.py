@@ -16,13 +16,14 @@ from drivers.mocks.lab.choke import Choke
 from drivers.mocks.lab.foreign.base import AcReading, Added, ForeignEffect, Moment
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import Quirks, drawn_values, everyday_quirks, hide
-from drivers.mocks.lab.instruments import InstrumentErrors, draw_instruments
+from drivers.mocks.lab.instruments import InstrumentErrors, draw_instruments, perfect_instruments
 from drivers.mocks.lab.legs import KINDS, primary_legs
 from drivers.mocks.lab.losses import LabLosses, lab_losses
 from drivers.mocks.lab.parts import draw_converter
 from drivers.mocks.lab.waveforms import Demand, Heat, Link, lab_circuit
 from sim.modulation import centre_offset, infeasible_pulse
 from sim.parameters import Converter
+from sim.prototype import prototype
 from sim.regulation import Regulated
 from sim.steady_state import Circuit
 
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 AMBIENT_C = 25.0
 _HEATSINK_S, _INDUCTOR_S, _TRANSFORMER_S = 40.0, 60.0, 80.0  # thermal time constants
 _DRIFT_S = 6 * 3600.0  # a slow part of the lab warms with this time constant
-_SETTLING_ROUNDS = 8
+_SETTLING_ROUNDS, _ROUNDS_NEARBY = 8, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +94,11 @@ class Laboratory:
         """This lab under another modulation; ParameterError where its primary does not have it."""
         return replace(self, converter=replace(self.converter, modulation=modulation))
 
+    @classmethod
+    def nominal(cls) -> Self:
+        """Every part as its datasheet says, nothing hidden, nothing misread."""
+        return cls(converter=prototype(), quirks=Quirks(), errors=perfect_instruments(), hidden={})
+
     def without_noise(self) -> Self:
         """This lab with instruments that keep their fixed errors and lose their noise."""
         return replace(self, errors=replace(self.errors, noise=0.0))
@@ -116,7 +122,8 @@ class Laboratory:
 
     def ambient_C(self, time_s: Array | float) -> Array:
         """The room's temperature."""
-        return np.asarray(AMBIENT_C + self.quirks.ambient_K_per_h * np.asarray(time_s) / 3600)
+        start_C = AMBIENT_C + self.quirks.warmer_K
+        return np.asarray(start_C + self.quirks.ambient_K_per_h * np.asarray(time_s) / 3600)
 
     def cold(self, ambient_C: Array) -> Heat:
         """Everything at ambient."""
@@ -253,12 +260,22 @@ class Laboratory:
         )
 
     def settled(
-        self, D1: Array, D2: Array, power_W: Array, supply_V: Array, time_s: Array
+        self,
+        D1: Array,
+        D2: Array,
+        power_W: Array,
+        supply_V: Array,
+        time_s: Array,
+        near: tuple[Electrical, Heat] | None = None,
     ) -> tuple[Electrical, Heat]:
-        """The steady state of N set points."""
+        """The steady state of N set points; ``near`` is that of a lab which is nearly this one."""
         demand, ambient = self.demand(D1, D2, power_W, supply_V), self.ambient_C(time_s) + 0.0 * power_W
-        heat, now = self.cold(ambient), None
-        for _ in range(_SETTLING_ROUNDS):
+        heat, rounds = self.cold(ambient), _SETTLING_ROUNDS
+        now: Electrical | None = None
+        if near is not None:
+            now, heat = near
+            rounds = _ROUNDS_NEARBY
+        for _ in range(rounds):
             now = self.run(demand, power_W, heat, now)
             heat = self.final_heat(now.losses, ambient)
         assert now is not None
