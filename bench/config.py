@@ -65,6 +65,8 @@ class AnalyzerConfig(Section):
         default_factory=dict, description="fixed ranges, e.g. U1 = 300; else auto"
     )
     wiring: WiringConfig = WiringConfig()
+    timeout_s: Positive = Field(default=2.0, le=60.0, description="longest wait for an immediate reply")
+    lateness_s: Positive = Field(default=1.0, le=60.0, description="no reply comes later after its deadline")
 
     @field_validator("model")
     @classmethod
@@ -88,6 +90,8 @@ class DcDeviceConfig(Section):
     resource: str = Field(min_length=1, description="tcp://host:port, or a serial device")
     unit: int = Field(default=0, ge=0, le=247, description="Modbus unit, 0 to 247")
     baud: int = Field(default=115200, gt=0, description="baud rate of a serial device")
+    timeout_s: Positive = Field(default=1.0, le=60.0, description="longest wait for a reply, in real seconds")
+    lateness_s: Positive = Field(default=1.0, le=60.0, description="no reply comes later after its deadline")
 
     @field_validator("map")
     @classmethod
@@ -102,6 +106,8 @@ class ControllerConfig(Section):
     resource: str = Field(min_length=1, description="serial device or URL")
     baud: int = Field(default=115200, gt=0, description="baud rate")
     heartbeat_s: Positive = Field(default=2.0, le=60.0, description="time between two heartbeats in seconds")
+    timeout_s: Positive = Field(default=1.0, le=60.0, description="longest wait for a reply, in real seconds")
+    lateness_s: Positive = Field(default=1.0, le=60.0, description="no reply comes later after its deadline")
 
 
 class LimitsConfig(Section):
@@ -113,6 +119,10 @@ class LimitsConfig(Section):
     output_voltage_V: Positive = Field(description="output voltage")
     heatsink_C: Positive = Field(default=90.0, description="heatsink temperature")
     winding_C: Positive = Field(default=120.0, description="transformer and inductor temperature")
+    link_peak_A: Positive | None = Field(default=None, description="simulated peak of the link current")
+    power_step_W: Positive = Field(default=500.0, description="largest change of the load's power at once")
+    safe_voltage_V: Positive = Field(default=60.0, description="discharged is below this, input and output")
+    discharge_s: Positive = Field(default=30.0, description="longest time that the discharge may take")
 
 
 class ConverterConfig(Section):

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from bench.errors import InputError, StateError
+from bench.states import State
 from bench.store import Provenance, Store, database_url
 from tests.bench.fake_bench import memory
 
@@ -54,18 +55,18 @@ def test_an_unknown_campaign_is_named_with_those_there_are() -> None:
 
 
 def test_sqlite_writes_are_durable(tmp_path: Path) -> None:
-    with Store(f"sqlite:///{tmp_path}/data/x.sqlite") as store, store._engine.connect() as db:
+    with Store(f"sqlite:///{tmp_path}/data/x.sqlite") as store, store.database.reading() as db:
         assert db.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
         assert db.exec_driver_sql("PRAGMA synchronous").scalar() == 2  # FULL
 
 
 def test_another_connection_sees_a_step_at_once(tmp_path: Path) -> None:
     with Store(f"sqlite:///{tmp_path}/x.sqlite") as store:
-        campaign_id = store.create_campaign("c", PROVENANCE, planned=1, state="planned")
-        store.set_state(campaign_id, "running", time_s=1.0)
+        campaign_id = store.create_campaign("c", PROVENANCE, [])
+        store.move(campaign_id, State.PLANNED, State.CHECKING, time_s=1.0)
         other = sqlite3.connect(tmp_path / "x.sqlite")
         try:
-            assert other.execute("SELECT state FROM campaigns").fetchall() == [("running",)]
+            assert other.execute("SELECT state FROM campaigns").fetchall() == [("checking",)]
         finally:
             other.close()
 

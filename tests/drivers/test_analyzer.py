@@ -19,7 +19,7 @@ from drivers.errors import (
 from drivers.mocks.scpi_analyzer import ScpiAnalyzer
 from drivers.mocks.wire import PtyServer
 from drivers.reading import Quality
-from drivers.transport import ByteLink
+from drivers.transport import ByteLink, Patience
 from tests.drivers.fake_plant import FakePlant
 from tests.drivers.scripted_port import ScriptedPort, dialogue
 
@@ -331,7 +331,7 @@ def test_a_hold_left_on_later_makes_readings_stale(plant: FakePlant) -> None:
 def test_without_the_event_filter_the_instrument_waits_for_ever(plant: FakePlant) -> None:
     mock = ScpiAnalyzer(plant)
     with PtyServer(mock.handle) as server, ByteLink.open(server.path) as link:
-        analyzer = Analyzer(link, WT3000, clock=plant.clock, speed=1000.0, timeout_s=0.1)
+        analyzer = Analyzer(link, WT3000, clock=plant.clock, speed=1000.0, patience=Patience(timeout_s=0.1))
         analyzer.configure(["U1"], 0.05, {"U1": 300.0})
         link.write(b":STATUS:FILTER1 NEVER\n")
         with pytest.raises(LinkTimeout):
