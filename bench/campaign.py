@@ -30,7 +30,7 @@ from bench.progress import Progress, Tracker, silent
 from bench.reporting import Reporter
 from bench.safety import PowerOffReport
 from bench.states import STOPPED, State, check_transition
-from bench.store import BenchState, Session, Store
+from bench.store import BenchState, Row, Session, Store
 from drivers.clock import Clock
 
 ASK_EVERY_S = 0.5  # of the clock: how often a request of the operator is looked for
@@ -99,14 +99,23 @@ def resume_campaign(
     ``job`` is that of ``Job.stored``, by default with the settings of before.
     """
     row = store.campaign(campaign_id)
-    if row["shown"] not in STOPPED:
+    if row["shown"] not in STOPPED and not _forsaken(store, row):
         raise StateError(f"campaign {campaign_id} is {row['shown']}: there is nothing to resume")
     job = job or Job.stored(store, row)
-    store.benches.refuse(job.bench.name)
+    store.benches.refuse(job.bench.name, campaign_id)
     tracker = Tracker(job.plan.points, clock, progress)
     run = _Run(job, store, clock, campaign_id, tracker, around)
     run.take_over(State(row["state"]))
     return run.run(State.CHECKING)
+
+
+_RUNNING: set[tuple[str, int]] = set()  # campaigns that this process runs now, by database
+
+
+def _forsaken(store: Store, row: Row) -> bool:
+    """Whether this process ran the campaign and does so no more: its database failed at the end."""
+    mine = Owner.stored(row) == Owner.here()
+    return bool(row["is_live"]) and mine and (store.url, row["id"]) not in _RUNNING
 
 
 def measurement_table(store: Store, outcome: CampaignOutcome) -> pd.DataFrame:
@@ -156,6 +165,8 @@ class _Run:
     def run(self, state: State) -> CampaignOutcome:
         started = time.perf_counter()
         self.state = state
+        mark = (self.store.url, self.id)
+        _RUNNING.add(mark)
         try:
             with about(campaign=self.id):
                 self._begin_session()
@@ -168,6 +179,8 @@ class _Run:
                 with suppress(StoreError):  # the error that comes first is the one to tell
                     self._end(_end_state(error), "nothing was switched on", error)
             raise
+        finally:
+            _RUNNING.discard(mark)
         return CampaignOutcome(
             campaign_id=self.id,
             accepted=self.tracker.accepted,
@@ -184,7 +197,7 @@ class _Run:
             campaign_id=self.id,
             seed=job.campaign.seed,
             config_hash=job.provenance().config_hash,
-            bench=job.bench.model_dump(mode="json"),
+            bench=job.bench.settings(),
             offset_s=self.before_s,
         )
         self.session_id = self.store.begin_session(session, owner=self.owner)
@@ -194,7 +207,7 @@ class _Run:
         config, benches = self.job.bench, self.store.benches
         found = benches.take(config.name, virtual=config.virtual, campaign_id=self.id, owner=self.owner)
         try:
-            if found is not None and found.state is BenchState.UNCONFIRMED:
+            if found is not None and found.state in (BenchState.UNCONFIRMED, BenchState.ON):
                 self._switch_off_leftovers()
             with self.around.connect(config, self.clock) as bench:
                 return self._on(bench)

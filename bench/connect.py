@@ -105,10 +105,13 @@ def open_all(
     spy_of: SpyOf = log_of,
 ) -> dict[str, Instrument]:
     """Whatever can be opened, by name, closed with the stack; the inspection holds why the rest could not."""
+    limits = config.limits
+    of_supply = {"set_voltage": limits.voltage_V, "set_current": limits.current_A}
+    of_load = {"set_power": limits.power_W}
     openers: dict[str, Callable[[], Instrument]] = {
         "analyzer": lambda: _analyzer(config, clock, spy_of("analyzer")),
-        "supply": lambda: DcSupply(_modbus(config.supply, spy_of("supply")), clock=clock),
-        "load": lambda: ElectronicLoad(_modbus(config.load, spy_of("load")), clock=clock),
+        "supply": lambda: DcSupply(_modbus(config.supply, of_supply, spy_of("supply")), clock=clock),
+        "load": lambda: ElectronicLoad(_modbus(config.load, of_load, spy_of("load")), clock=clock),
         "controller": lambda: _controller(config, spy_of("controller")),
     }
     opened = {}
@@ -185,7 +188,7 @@ def _controller(config: BenchConfig, spy: Spy | None) -> Controller:
     )
 
 
-def _modbus(config: DcDeviceConfig, spy: Spy | None) -> ModbusDevice:
+def _modbus(config: DcDeviceConfig, ceilings: dict[str, float], spy: Spy | None) -> ModbusDevice:
     map = load_map(config.map)
     link = open_link(
         config.resource,
@@ -195,7 +198,9 @@ def _modbus(config: DcDeviceConfig, spy: Spy | None) -> ModbusDevice:
         spy=spy,
     )
     try:
-        return ModbusDevice(link, map, config.unit)
+        device = ModbusDevice(link, map, config.unit)
     except InstrumentError:
         link.close()
         raise
+    device.ceilings = ceilings
+    return device

@@ -6,6 +6,7 @@ the one asked for at the power asked for: the converter is never asked for what 
 """
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -31,8 +32,7 @@ ATTEND_EVERY_S = 0.5  # of the clock: how long an operator waits to be heard at 
 HEADROOM = 1.25  # of the load's current at full power and target voltage
 BEATS_TRIED = 3  # the controller trips after four that it missed
 DEVICES_EVERY_S = 10.0  # of the clock: supply and load are asked for their states at least so often
-RECOVER_STEP_S = 10.0  # of the clock, between two tries to reach everything again
-RECOVER_TRIES = 6
+RECOVER_STEP_S = 0.5  # of real time, as for all that has to do with plugs
 NAMES = ("analyzer", "supply", "load", "controller")
 TEMPERATURES = ("T_ambient_C", "T_heatsink_C", "T_transformer_C", "T_inductor_C")
 
@@ -70,6 +70,11 @@ class Bench:
         self._tripped: Decision | None = None  # latched: what was not safe once stays so for this bench
         self._devices_asked_s = -math.inf
         self._last_read_s: dict[str, float] = {}
+
+    @property
+    def instruments(self) -> Instruments:
+        """The instruments themselves; they refuse what is outside the bench's limits, too."""
+        return self._of
 
     # --- before anything is switched on -----------------------------------------------------------
 
@@ -234,15 +239,16 @@ class Bench:
 
         The bench is off meanwhile. A port that has come back under another device path is found by its name.
         """
-        for attempt in range(1, RECOVER_TRIES + 1):
+        end = time.monotonic() + self.config.limits.recover_s
+        while True:
             try:
                 for name in NAMES:
                     self._same_as_before(name)
                 return
             except InstrumentError as error:
-                if attempt == RECOVER_TRIES or isinstance(error, IdentityError):
+                if time.monotonic() >= end or isinstance(error, IdentityError):
                     raise error from cause
-            self.clock.sleep(RECOVER_STEP_S)
+            time.sleep(RECOVER_STEP_S)
 
     def _same_as_before(self, name: str) -> None:
         identity, before = getattr(self._of, name).identify(), self._inspection.identities.get(name)
@@ -273,7 +279,8 @@ class Bench:
         """PWM, load, supply, discharge; each seen off. Never raises for a part that fails."""
         self._power_W, self._pwm, self._powered = 0.0, False, False
         instruments = {name: getattr(self._of, name) for name in NAMES}
-        return power_off(off_steps(self.config, instruments, self.clock))
+        steps = off_steps(self.config, instruments, self.clock)
+        return power_off(steps, again_s=self.config.limits.again_s)
 
     def _refuse(self, row: PlannedPoint) -> None:
         limit_W = self.config.limits.power_W

@@ -67,7 +67,7 @@ class Job:
         """What the ledger keeps of it."""
         settings = {
             "campaign": self.campaign.model_dump(mode="json"),
-            "bench": self.bench.model_dump(mode="json"),
+            "bench": self.bench.settings(),
         }
         return Provenance(
             config=settings,

@@ -72,4 +72,4 @@ def switch_off_leftovers(config: BenchConfig, clock: Clock) -> PowerOffReport:
     with ports_of_bench(config), ExitStack() as stack:
         opened = open_all(config, clock, inspection, stack)
         answering = {name: it for name, it in opened.items() if inspection.attempt(name, it.identify)}
-        return power_off(off_steps(config, answering, clock))
+        return power_off(off_steps(config, answering, clock), again_s=config.limits.again_s)

@@ -21,7 +21,7 @@ from drivers.errors import InstrumentError, LinkError, ReplyError
 from drivers.modbus_errors import DeviceBusy
 
 MOST_LOST = 3  # set points in a row whose output could not be held: then something else is wrong
-MOST_TRIES = 3  # of one point whose measurement a disturbed link ended
+MOST_TRIES = 4  # of one point whose measurement a disturbed link ended
 PASSING = (LinkError, ReplyError, DeviceBusy)  # worth another try, once the bench was seen off
 
 
@@ -48,7 +48,7 @@ class Campaign:
 
     def power_up(self, bench: Bench) -> None:
         """Switched on, which is in the database before it is done."""
-        self.store.benches.energise(self.job.bench.name, self.job.bench.model_dump(mode="json"))
+        self.store.benches.energise(self.job.bench.name, self.job.bench.settings())
         bench.power_up()
 
     def off_in_between(self, bench: Bench) -> PowerOffReport:
@@ -72,9 +72,12 @@ class PointRunner:
     def run(self, bench: Bench, row: PlannedPoint, point_id: int, predicted: float) -> None:
         """Measure a point; a disturbed link costs a try of it, an output that cannot be held the point."""
         self._of.tracker.begin(row)
+        disturbed: InstrumentError | None = None
         for attempt in range(1, MOST_TRIES + 1):
-            self._of.reporter.moment("setting", point_id=point_id)
             try:
+                if disturbed is not None:
+                    self._come_back(bench, disturbed)
+                self._of.reporter.moment("setting", point_id=point_id)
                 self._measure_point(bench, row, point_id, predicted)
                 return
             except OutputLost as lost:
@@ -83,16 +86,20 @@ class PointRunner:
             except PASSING as error:
                 if attempt == MOST_TRIES:
                     raise
-                self._start_over(bench, point_id, error)
+                self._undo(bench, point_id, error)
+                disturbed = error
 
-    def _start_over(self, bench: Bench, point_id: int, error: InstrumentError) -> None:
-        """Off, seen off, every link in step again, and on: the point has not happened."""
+    def _undo(self, bench: Bench, point_id: int, error: InstrumentError) -> None:
+        """Off, and seen off: the point has not happened."""
         log.warning("point disturbed", extra={"detail": str(error)})
         self._of.reporter.moment("recovering", point_id=point_id, faults=(str(error),))
         report = self._of.off_in_between(bench)
         self._of.store.note(self._of.id, "disturbed", time_s=self._of.time_s(), detail=f"{error}; {report}")
         self._of.store.plan_again(self._of.id, point_id, time_s=self._of.time_s())
-        bench.recover(error)
+
+    def _come_back(self, bench: Bench, cause: InstrumentError) -> None:
+        """Every link in step again, and the bench on."""
+        bench.recover(cause)
         bench.configure()
         self._of.power_up(bench)
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from bench.config import ConverterConfig, LimitsConfig
 
 ATTEMPTS = 2
+AGAIN_S = 10.0  # real time in which steps that failed are tried again, after all the others
+AGAIN_STEP_S = 0.5
 DEADLINE_S = 15.0  # of a step: three goes of a driver, each with its timeout and its quarantine, and again
 UNDERVOLTAGE = "output_undervoltage"  # what the controller reports when it cannot hold the output
 COLLAPSED = 0.5  # of the target: below this the output voltage is gone, not merely off its target
@@ -136,9 +138,17 @@ class Step:
     done: str = "off"
 
 
-def power_off(steps: Sequence[Step]) -> PowerOffReport:
-    """Run every step, whatever becomes of the one before."""
-    return PowerOffReport(steps=tuple(map(_attempt, steps)))
+def power_off(steps: Sequence[Step], *, again_s: float = AGAIN_S) -> PowerOffReport:
+    """Run every step, whatever becomes of the one before; then again, for so long, those that were not confirmed.
+
+    So a plug that is put back in time is no unsafe bench, and nothing waits for it while more can be switched off.
+    """
+    reports = {step.name: _attempt(step) for step in steps}
+    end = time.monotonic() + again_s
+    while time.monotonic() < end and (left := [s for s in steps if not reports[s.name].confirmed]):
+        time.sleep(AGAIN_STEP_S)
+        reports |= {step.name: _attempt(step) for step in left}
+    return PowerOffReport(steps=tuple(reports[step.name] for step in steps))
 
 
 def _attempt(step: Step) -> StepReport:
@@ -151,7 +161,7 @@ def _attempt(step: Step) -> StepReport:
             try:
                 step.act()
             except Exception as error:  # noqa: BLE001  the safety layer: whatever failed, the next step is tried
-                failed.append(str(error))
+                failed.append(getattr(error, "message", None) or str(error))
             else:
                 done.set()
                 return

@@ -19,7 +19,7 @@ from drivers.scpi import (
     ScpiLink,
     parse_floats,
     parse_identity,
-    parse_numbers,
+    parse_measured,
     parse_register,
     parse_setting,
 )
@@ -27,10 +27,11 @@ from drivers.transport import USUAL, ByteLink, Patience
 
 __all__ = ["Analyzer", "AnalyzerModel", "load_analyzer_model"]
 
+HOLD_OFF = ":NUMERIC:HOLD OFF"
 START = (
     ":COMMUNICATE:HEADER OFF",
     ":COMMUNICATE:VERBOSE OFF",
-    ":NUMERIC:HOLD OFF",  # a run that crashed may have left it on, and every value frozen
+    HOLD_OFF,  # a run that crashed may have left it on, and every value frozen
     ":STATUS:FILTER1 FALL",  # event bit 0: an update has ended
 )
 VALUES = ":NUMERIC:NORMAL:VALUE?"
@@ -165,7 +166,9 @@ class Analyzer:
         if not self._items:
             raise ReplyError("the analyzer has no items yet: configure() comes before read()")
         with self._scpi.lock:
-            for _ in range(1 + STALE_RETRIES):
+            for attempt in range(1 + STALE_RETRIES):
+                if attempt == STALE_RETRIES:
+                    self._scpi.command(HOLD_OFF)  # has somebody frozen the display?
                 record, numbers = self._fresh_record()
                 stale = record == self._last and _tells(numbers)
                 self._last = record
@@ -201,7 +204,7 @@ class Analyzer:
             return self._scpi.query_block(
                 VALUES, lambda block: (block, self._counted(parse_floats(block))), timeout_s
             )
-        return self._scpi.query(VALUES, lambda text: (text, self._counted(parse_numbers(text))), timeout_s)
+        return self._scpi.query(VALUES, lambda text: (text, self._counted(parse_measured(text))), timeout_s)
 
     def _counted(self, numbers: list[Number]) -> list[Number]:
         if len(numbers) != len(self._items):

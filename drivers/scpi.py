@@ -83,6 +83,17 @@ def parse_numbers(text: str) -> list[Number]:
     return [parse_number(word) for word in text.split(",")]
 
 
+def parse_measured(text: str) -> list[Number]:
+    """Measured values separated by commas: each with an exponent, or NAN or INF.
+
+    Analyzers write them so (NR3); without the exponent a value is the front part of one that was cut.
+    """
+    for word in text.split(","):
+        if "E" not in word.upper() and "N" not in word.upper():
+            raise ReplyError(f"{word!r} is not a whole measured value: its exponent is missing", reply=text)
+    return parse_numbers(text)
+
+
 def parse_setting(text: str) -> float:
     """One number that must be a plain one: a setting read back."""
     number = parse_number(text)

@@ -57,4 +57,4 @@ def run(settings: Settings) -> Result:
     )
 
 
-EXPERIMENT = Experiment(title="Benchmark: the simulator against its bars", run=run)
+EXPERIMENT = Experiment(title="Benchmark: the simulator against its bars", run=run, apart=True)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -16,10 +16,10 @@ from bench.campaign import Surroundings, resume_campaign, run_campaign
 from bench.commands.live import duration, live
 from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
-from bench.config import BenchConfig, read_bench, read_campaign
+from bench.config import BenchConfig, CampaignConfig, read_bench, read_campaign
 from bench.config import check as check_settings
 from bench.connect import inspect_bench
-from bench.errors import Aborted, BenchUnsafe, StateError
+from bench.errors import Aborted, BenchUnsafe, InputError, StateError
 from bench.hidden import parse_hidden
 from bench.instruments import open_bench
 from bench.job import CampaignOutcome, Job
@@ -30,12 +30,28 @@ from bench.store import BenchRow, BenchState, Row, Store, database_url
 from bench.toml_file import to_toml, write_atomically
 from drivers.clock import WallClock
 
+if TYPE_CHECKING:
+    from drivers.mocks.faults import FaultFile
+
 app = typer.Typer()
 
 HEARTBEAT_S = 2.0  # of the lab's clock
 LEAST_BEAT_S = 0.2  # of real time, however fast the lab's clock runs: a busy machine must keep up
 
 BenchFile = Annotated[Path, typer.Argument(metavar="BENCH.toml", help="the instruments of a bench")]
+
+
+FaultOption = Annotated[
+    Path | None, typer.Option("--fault", metavar="FILE", help="what goes wrong, and when (TOML)")
+]
+
+
+def faults_in(path: Path | None) -> "FaultFile":
+    """The faults of a file; none without one."""
+    from bench.rehearsal import read_faults  # here: a program that runs a real bench loads no mocks
+    from drivers.mocks.faults import NO_FAULTS
+
+    return NO_FAULTS if path is None else read_faults(path)
 
 
 @app.command()
@@ -51,16 +67,19 @@ def mock(
     ] = None,
     speed: Annotated[float, typer.Option(help="clock speed of the virtual lab", min=0.01, max=300.0)] = 1.0,
     seed: Annotated[int, typer.Option(help="of the virtual lab's tolerances and noise", min=0)] = 1,
+    fault: FaultOption = None,
 ) -> None:
     """Run the mock instruments in the foreground, until interrupted."""
     from drivers.mocks.plant import Plant  # here: a program that runs a real bench loads no mocks
     from drivers.mocks.rack import Rack
 
     hidden = parse_hidden(hide or [])
+    faults = faults_in(fault)
     stop = threading.Event()
     with on_signals(stop.set):
         plant = Plant.virtual(seed=seed, hidden=hidden, clock=WallClock(speed))
-        with Rack(plant, speed=speed, heartbeat_s=max(HEARTBEAT_S, LEAST_BEAT_S * speed)) as rack:
+        beat_s = max(HEARTBEAT_S, LEAST_BEAT_S * speed)
+        with Rack(plant, speed=speed, heartbeat_s=beat_s, faults=faults) as rack:
             text = to_toml(rack.bench_config())
             write_atomically(out_file, text)
             try:
@@ -103,10 +122,21 @@ def run(
     campaign_file: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="what to measure")],
     bench_file: Annotated[Path, typer.Option("--bench", metavar="BENCH.toml", help="the instruments")],
     spy: Spied = None,
+    rehearse: Annotated[
+        bool, typer.Option("--rehearse", help="on mock instruments, under the bench's limits; keeps nothing")
+    ] = False,
+    fault: FaultOption = None,
     db: Database = None,
 ) -> None:
     """Run a campaign; the bench is off when it ends, however it ends."""
     config = read_bench(bench_file)
+    if rehearse:
+        _rehearse(read_campaign(campaign_file), config, fault)
+        return
+    if fault is not None:
+        raise InputError.of(
+            "command line", "--fault", str(fault), "faults are for --rehearse and for d2ea mock"
+        )
     with Store(database_url(db, config.database)) as store, stop_on_signals():
         store.benches.refuse(config.name)
         job = Job.prepare(read_campaign(campaign_file), config, file=str(campaign_file))
@@ -117,6 +147,22 @@ def run(
                 job, store, WallClock(config.speed), progress=progress, around=_around(spies)
             )
         _report(outcome, store)
+
+
+def _rehearse(campaign: CampaignConfig, config: BenchConfig, fault: Path | None) -> None:
+    from bench.rehearsal import rehearse  # here: a program that runs a real bench loads no mocks
+
+    stamp(virtual=True)
+    with live() as progress:
+        went = rehearse(campaign, config, faults_in(fault), progress=progress)
+    for struck in went.struck:
+        what = f"{struck.fault.kind} at the {struck.fault.instrument}"
+        out.print(escape(f"fault: {what}, exchange {struck.exchange}"))
+    out.print(f"{went.accepted} of {went.planned} rows accepted, {went.rejected} rejected")
+    out.print(escape(f"bench: {went.power_off}"))
+    if went.error is not None:
+        raise went.error
+    out.print("the rehearsal reached its last point; nothing of it is kept")
 
 
 @app.command()

@@ -89,9 +89,13 @@ class Benches:
                 raise BenchTaken(f"another campaign has just taken the bench {name!r}")
         return known
 
-    def refuse(self, name: str) -> None:
-        """Raise BenchUnsafe while UNSAFE is latched, BenchTaken while a living process has the bench."""
-        _refuse(self.find(name), None)
+    def refuse(self, name: str, campaign_id: int | None = None) -> None:
+        """Raise BenchUnsafe while UNSAFE is latched, BenchTaken while a living process has the bench.
+
+        A campaign of this process that has the bench already is not refused its own.
+        """
+        mine = None if campaign_id is None else Claim(campaign_id=campaign_id, owner=Owner.here())
+        _refuse(self.find(name), mine)
 
     def energise(self, name: str, config: Mapping[str, object]) -> None:
         """From now on the bench counts as switched on, whatever happens to this process."""

@@ -6,6 +6,7 @@ go on writing into a file that nobody can open any more. PostgreSQL does all of 
 """
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,7 +35,15 @@ _ADVICE = (
 
 
 def database_url(option: str | None = None, configured: str | None = None) -> str:
-    """The option, else the bench's own, else D2EA_DB, else a file in the working directory."""
+    """The option, else the bench's own, else D2EA_DB, else a file in the working directory.
+
+    InputError for a password in the option: arguments can be seen by everybody on the machine.
+    """
+    if option and "@" in option and re.search(r"://[^/@]*:[^/@]+@", option):
+        allowed = (
+            "a password does not belong on a command line; put the URL into D2EA_DB, or it into ~/.pgpass"
+        )
+        raise InputError.of("command line", "--db", None, allowed)
     return option or configured or os.environ.get("D2EA_DB") or DEFAULT_URL
 
 
@@ -43,7 +52,7 @@ class Database:
 
     def __init__(self, url: str) -> None:
         try:
-            parsed = make_url(url)
+            parsed = _with_driver(make_url(url))
             self.file = _file_of(parsed)
             if self.file is not None:
                 self.file.parent.mkdir(parents=True, exist_ok=True)
@@ -129,6 +138,11 @@ class Database:
             if found is None:
                 metadata.create_all(db)
                 db.execute(insert(schema).values(version=SCHEMA))
+
+
+def _with_driver(url: URL) -> URL:
+    """PostgreSQL through psycopg, unless the URL names another driver."""
+    return url.set(drivername="postgresql+psycopg") if url.drivername in ("postgresql", "postgres") else url
 
 
 def _file_of(url: URL) -> Path | None:

@@ -21,7 +21,7 @@ _NOT_ONE = ("command",)
 class Experiment:
     """A title, the function that runs it, and the parts of it that can be run alone, if any.
 
-    ``apart`` from ``all`` are trials that take an afternoon of their own.
+    ``all`` is the paper, table by table and figure by figure; trials and benchmarks stand ``apart``.
     """
 
     title: str

@@ -33,7 +33,14 @@ BENCH = {
     "supply": {"map": "ea_psi9000", "resource": "fake"},
     "load": {"map": "ea_elr9000", "resource": "fake"},
     "controller": {"resource": "fake", "heartbeat_s": 2.0},
-    "limits": {"voltage_V": 320, "current_A": 10, "power_W": 2200, "output_voltage_V": 160},
+    "limits": {
+        "voltage_V": 320,
+        "current_A": 10,
+        "power_W": 2200,
+        "output_voltage_V": 160,
+        "again_s": 0,
+        "recover_s": 0,
+    },
 }
 CAMPAIGN = {
     "name": "six points",

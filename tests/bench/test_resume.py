@@ -1,4 +1,4 @@
-"""A campaign that stopped goes on from its ledger: nothing lost, nothing twice, the bench off in between."""
+"""A campaign that stopped goes on from its ledger, on either database: nothing lost, nothing twice, the bench off."""
 
 import pandas as pd
 import pytest
@@ -10,7 +10,7 @@ from bench.progress import Progress
 from bench.states import State
 from bench.store import BenchState, Store
 from drivers.errors import LinkLost
-from tests.bench.fake_bench import FakeInstruments, bench_config, campaign_config, memory, predict
+from tests.bench.fake_bench import FakeInstruments, bench_config, campaign_config, predict
 
 ROWS = 11  # 1 standby, 1 no load, 3 references, 6 points
 
@@ -36,8 +36,8 @@ def resumed(fake: FakeInstruments, store: Store) -> pd.DataFrame:
     return store.measurement_table(1)
 
 
-def test_a_stopped_campaign_goes_on_where_it_was() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_stopped_campaign_goes_on_where_it_was(store: Store) -> None:
+    fake = FakeInstruments()
     stopped_after(4, fake, store)
     before = store.measurement_table(1)
     table = resumed(fake, store)
@@ -47,8 +47,8 @@ def test_a_stopped_campaign_goes_on_where_it_was() -> None:
     assert store.campaign(1)["state"] == State.DONE
 
 
-def test_a_resumed_campaign_keeps_its_plan_and_its_predictions() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_resumed_campaign_keeps_its_plan_and_its_predictions(store: Store) -> None:
+    fake = FakeInstruments()
     stopped_after(4, fake, store)
     before = store.predictions(1)
     resumed(fake, store)
@@ -56,14 +56,14 @@ def test_a_resumed_campaign_keeps_its_plan_and_its_predictions() -> None:
     pd.testing.assert_frame_equal(store.predictions(1)[same], before[same])
 
 
-def test_time_goes_on_from_where_it_stopped() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_time_goes_on_from_where_it_stopped(store: Store) -> None:
+    fake = FakeInstruments()
     stopped_after(4, fake, store)
     assert (resumed(fake, store)["time_s"].diff().dropna() > 0).all()
 
 
-def test_every_row_tells_the_session_that_measured_it() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_every_row_tells_the_session_that_measured_it(store: Store) -> None:
+    fake = FakeInstruments()
     stopped_after(4, fake, store)
     resumed(fake, store)
     provenance = store.provenance(1)
@@ -73,8 +73,8 @@ def test_every_row_tells_the_session_that_measured_it() -> None:
     assert {"python", "numpy", "revision"} <= set(provenance["versions"].iloc[0])
 
 
-def test_a_point_that_had_begun_is_measured_anew() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_point_that_had_begun_is_measured_anew(store: Store) -> None:
+    fake = FakeInstruments()
     stopped_after(4, fake, store)
     point_id = store.unfinished(1)[0]["id"]
     store.advance(1, point_id, "set")  # type: ignore[arg-type]  # as the ledger of a process that died has it
@@ -83,8 +83,8 @@ def test_a_point_that_had_begun_is_measured_anew() -> None:
     assert steps == ["set", "planned", "set", "settled", "measured", "accepted"]
 
 
-def test_a_campaign_that_is_done_or_unknown_cannot_be_resumed() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_campaign_that_is_done_or_unknown_cannot_be_resumed(store: Store) -> None:
+    fake = FakeInstruments()
     run_campaign(job(), store, fake.clock, around=fake.around())
     with pytest.raises(StateError, match="campaign 1 is done"):
         resume_campaign(1, store, fake.clock)
@@ -92,8 +92,8 @@ def test_a_campaign_that_is_done_or_unknown_cannot_be_resumed() -> None:
         resume_campaign(9, store, fake.clock)
 
 
-def test_the_same_key_never_makes_two_campaigns() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_the_same_key_never_makes_two_campaigns(store: Store) -> None:
+    fake = FakeInstruments()
 
     def stop(progress: Progress) -> None:
         if progress.done == 2:
@@ -105,8 +105,8 @@ def test_the_same_key_never_makes_two_campaigns() -> None:
     assert [row["accepted"] for row in store.campaigns()] == [ROWS]
 
 
-def test_unsafe_is_latched_until_it_is_cleared() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_unsafe_is_latched_until_it_is_cleared(store: Store) -> None:
+    fake = FakeInstruments()
     fake.broken = {"load off"}
     with pytest.raises(BenchUnsafe):
         run_campaign(job(), store, fake.clock, around=fake.around())
@@ -119,8 +119,8 @@ def test_unsafe_is_latched_until_it_is_cleared() -> None:
     assert store.benches.all()[0].state is BenchState.OFF
 
 
-def test_a_disturbed_link_costs_a_try_and_no_point() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_disturbed_link_costs_a_try_and_no_point(store: Store) -> None:
+    fake = FakeInstruments()
     disturbed: list[str] = []
 
     def watch(progress: Progress) -> None:
@@ -134,8 +134,8 @@ def test_a_disturbed_link_costs_a_try_and_no_point() -> None:
     assert fake.off
 
 
-def test_a_link_that_stays_lost_stops_the_campaign_with_the_bench_off() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_link_that_stays_lost_stops_the_campaign_with_the_bench_off(store: Store) -> None:
+    fake = FakeInstruments()
     with pytest.raises(LinkLost):
         run_campaign(
             job(),

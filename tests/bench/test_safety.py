@@ -80,7 +80,8 @@ def test_every_step_is_taken_and_a_failed_one_is_tried_twice() -> None:
             Step(name="PWM", act=lambda: done.append("PWM")),
             Step(name="load", act=fail),
             Step(name="supply", act=lambda: done.append("supply")),
-        ]
+        ],
+        again_s=0.0,
     )
     assert done == ["PWM", "load", "load", "supply"]
     assert not report.safe

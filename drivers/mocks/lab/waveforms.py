@@ -16,8 +16,8 @@ from sim.steady_state import FINE, Circuit
 
 Array = NDArray[np.float64]
 
-_BENT_ROUNDS = 2  # a run goes on from the last one's solution, and every point is run several times
 LAB_ACCURACY = replace(FINE, power=1e-5)
+_BENT_ROUNDS = 2  # a run goes on from the last one's solution, and every point is run several times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
