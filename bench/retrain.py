@@ -1,10 +1,10 @@
 """Automatic retraining: new measurements → candidate → judged on blocks that nobody saw → promoted or kept out.
 
-A candidate of each kind (D²EA; the simulator itself with trees for the gap) is fitted to the accepted rows outside the
-held-out blocks (:mod:`models.held_blocks`). Those inside judge: the better candidate against the model in use and against
-the simulation itself, on rows that the model in use was not fitted to either. It is promoted when its mean absolute error
-is not larger than theirs; what was judged is what is used, no refit follows. Either way the decision and its reason go
-into the journal.
+A candidate of each kind (D²EA; the simulator itself with trees for the gap) is fitted to the accepted rows outside
+the held-out blocks (:mod:`models.held_blocks`). Those inside judge: the better candidate against the model in use and
+the simulation itself, on rows that the model in use was not fitted to either. It is promoted when its mean absolute
+error is not larger than theirs; what was judged is what is used, no refit follows. Either way the decision and its
+reason go into the journal.
 
 Nothing here touches a bench: it reads the database beside a campaign, which never waits for it.
 """

@@ -50,9 +50,8 @@ def retrain(
     """
     if kind and kind not in KINDS:
         raise InputError.of("command line", "--kind", kind, f"one of {', '.join(KINDS)}")
-    retrainer = Retrainer(
-        registry=Registry(folder), simulator=model_from(sim_model), now=now, kinds=(kind,) if kind else KINDS
-    )
+    kinds = (kind,) if kind else KINDS
+    retrainer = Retrainer(registry=Registry(folder), simulator=model_from(sim_model), now=now, kinds=kinds)
     with Store(database_url(db)) as store:
         if not keep_watching:
             data = newest_data(store, campaign_id)
