@@ -1,5 +1,6 @@
 """The dashboard's process: pages, downloads and the door in front of them, served until it is ended."""
 
+import logging
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from bench.dashboard.guard import COOKIE, LOGIN, Door, Guard
 from bench.dashboard.pages import register
 from bench.dashboard.render import page
 from bench.errors import InputError
+from bench.log import log
 from bench.lut_file import BESIDE
 
 RECONNECT_S = 30.0  # a browser that was away for less finds its page as it was
@@ -66,8 +68,23 @@ def serve(desk: Desk, door: Door, address: Address, *, said: Callable[[str], Non
     )
     host, port = listening.getsockname()[:2]
     said(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
-    config = uvicorn.Config(Guard(server, door), log_level="warning", ws="websockets-sansio", lifespan="on")
+    for name in ("uvicorn.error", "nicegui"):
+        logging.getLogger(name).addFilter(_in_words)
+    config = uvicorn.Config(
+        Guard(server, door), log_config=None, access_log=False, ws="websockets-sansio", lifespan="on"
+    )
     uvicorn.Server(config).run(sockets=[listening])
+
+
+def _in_words(record: logging.LogRecord) -> bool:
+    """An error in one line; a request whose browser has left is none."""
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, RuntimeError) and str(error) == "No response returned.":
+        return False
+    if error is not None and not log.isEnabledFor(logging.DEBUG):
+        record.msg, record.args = f"{record.getMessage().strip()}: {type(error).__name__}: {error}", ()
+        record.exc_info = None
+    return True
 
 
 def _sign_in(server: FastAPI, door: Door) -> None:

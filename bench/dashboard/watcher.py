@@ -103,6 +103,8 @@ class Watcher:
             )
             if fresh != self.overview:
                 self.overview = replace(fresh, version=fresh.version + 1)
+        if self.overview.newest is not None:
+            self.feed(self.overview.newest)  # what most people come for is there before they come
         with self._lock:
             kept = dict(self._feeds)
         for campaign_id, item in kept.items():
@@ -114,12 +116,17 @@ class Watcher:
 
     def _read(self, campaign_id: int, feed: Feed) -> Feed:
         """The feed with what is new in it; the same object when nothing is."""
-        new = self.store.events(campaign_id, after=feed.last_event)
+        last = self.store.last_event(campaign_id)
+        new = (
+            self.store.events(campaign_id, after=max(feed.last_event, last - TAIL))
+            if last > feed.last_event
+            else []
+        )
         moment = self.store.live.read(campaign_id)
         campaign = self.overview.campaign(campaign_id) or feed.campaign
         if feed.version and not new and moment == feed.moment and campaign == feed.campaign:
             return feed
-        first, last = feed.version == 0, new[-1]["id"] if new else feed.last_event
+        first = feed.version == 0
         diagnoses = self.store.diagnoses(campaign_id)
         replanned = first or any(entry["event"] in ("predicted", "resumed") for entry in new)
         if replanned:
