@@ -10,7 +10,7 @@ from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
-from sim.parameters import Converter
+from sim.parameters import Converter, ParameterError
 from sim.simulate import Points, can_run, simulate
 from sim.spread import Spread, everyday_spread
 
@@ -103,7 +103,12 @@ def signatures(
 
     An effect that is left out as a cause still has its everyday tolerance.
     """
-    entries = [(name, entry, other) for name, entry in CATALOGUE.items() for other in entry.variants()]
+    entries = [
+        (name, entry, other)
+        for name, entry in CATALOGUE.items()
+        if applies(entry, baseline.converter)
+        for other in entry.variants()
+    ]
     present = baseline.effects
     models = [baseline]
     for name, entry, other in entries:
@@ -129,6 +134,15 @@ def signatures(
         input_sigma=input_sigma,
         per_watt=per_watt,
     )
+
+
+def applies(entry: Effect, converter: Converter) -> bool:
+    """Whether a converter has the parts that an effect changes."""
+    try:
+        entry.converter(converter, {entry.headline.name: entry.headline.off + step_of(entry)})
+    except ParameterError:
+        return False
+    return True
 
 
 def _is_everyday(entry: Effect) -> bool:
