@@ -17,7 +17,7 @@ import pandas as pd
 from sqlalchemy import RowMapping
 
 from bench.config import BenchConfig
-from bench.errors import Aborted, BenchUnsafe, StateError, StoreError
+from bench.errors import Aborted, BenchUnsafe, CampaignStopped, StateError, StoreError
 from bench.instruments import Bench, open_bench
 from bench.job import CampaignOutcome, Job, planned
 from bench.leftovers import switch_off_leftovers
@@ -231,7 +231,11 @@ class _Run:
         except BaseException as raised:  # noqa: BLE001  the safety layer: made safe, recorded, raised again
             error = raised
         report = _seen_off(bench)
-        self.reporter.moment("off" if report.safe else "unsafe", faults=(str(error),) if error else ())
+        if report.safe and isinstance(error, BenchUnsafe):  # in the middle; by now it was seen off after all
+            error = CampaignStopped(f"the bench was seen off only at the second go: {error}")
+        with suppress(StoreError):  # a screen that cannot be told hides nothing that follows
+            faults = (str(error),) if error else ()
+            self.reporter.moment("off" if report.safe else "unsafe", faults=faults)
         if not report.safe:
             said = f"{report}; after: {error}" if error else str(report)
             self._record_end(report, State.UNSAFE, error, BenchUnsafe(said))

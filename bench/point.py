@@ -91,9 +91,9 @@ class PointRunner:
 
     def _undo(self, bench: Bench, point_id: int, error: InstrumentError) -> None:
         """Off, and seen off: the point has not happened."""
+        report = self._of.off_in_between(bench)
         log.warning("point disturbed", extra={"detail": str(error)})
         self._of.reporter.moment("recovering", point_id=point_id, faults=(str(error),))
-        report = self._of.off_in_between(bench)
         self._of.store.note(self._of.id, "disturbed", time_s=self._of.time_s(), detail=f"{error}; {report}")
         self._of.store.plan_again(self._of.id, point_id, time_s=self._of.time_s())
 
