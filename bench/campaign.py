@@ -137,7 +137,6 @@ class _Run:
         self.start_s = clock.now()
         self.asked_s = -np.inf
         self.request: str | None = None
-        self.settled = 0
         self.session_id: int | None = None
         self.reporter = Reporter(store, campaign_id, self._time_s)
         self.campaign = Campaign(
@@ -185,7 +184,7 @@ class _Run:
             campaign_id=self.id,
             accepted=self.tracker.accepted,
             rejected=self.tracker.rejected,
-            settled=self.settled,
+            settled=self.store.settled(self.id),
             power_off=report,
             bench_seconds=self.clock.now() - self.start_s,
             real_seconds=time.perf_counter() - started,
@@ -282,7 +281,6 @@ class _Run:
                 self._pause(bench)
             with about(point=row["point"]):
                 points.run(bench, planned(row), int(row["id"]), predicted[row["id"]])
-            self.settled = points.settled
 
     def _predictions(self, rows: Sequence[RowMapping], ambient_C: float) -> dict[int, float]:
         """Predicted efficiency by point id; points that have none yet are simulated, and stored."""
