@@ -268,4 +268,6 @@ def _notes(found: Survey) -> Iterator[str]:
         )
 
 
-EXPERIMENT = Experiment(title="Fault survey: kills, faults, late replies, limits, databases", run=run)
+EXPERIMENT = Experiment(
+    title="Fault survey: kills, faults, late replies, limits, databases", run=run, apart=True
+)
