@@ -1,7 +1,8 @@
 """A private PostgreSQL server in a folder of its own, for tests and experiments: no port, no password, gone at the end.
 
-It listens on a socket inside that folder, and forces nothing to the disk: nothing here outlives the machine. Started by root it runs as the user ``postgres``, since it refuses to run
-as root; the program is looked for where Debian puts it, and on the PATH.
+It listens on a socket inside that folder, and forces nothing to the disk: nothing here outlives the machine. Started by
+root it runs as the user ``postgres``, since it refuses to run as root; the program is looked for where Debian puts it,
+and on the PATH.
 """
 
 import itertools
