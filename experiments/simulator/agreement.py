@@ -137,7 +137,7 @@ def dense_scan(settings: Settings) -> Findings:
     return Findings(goals=(
         at_most(f"dense scan of D0: feasible points missed, of {said}", missed, 0),
         at_most(f"dense scan of D0: roots that are not the smallest, of {said}", above, 0),
-        at_most(f"dense scan of D0: largest jump of P left by {_ZOOMS} zooms, of {said}", gap_W, 0.5, "W"),
+        at_most(f"dense scan of D0: largest jump of P left by {_ZOOMS} zooms, of {said}", gap_W, JUMP_BAR_W, "W"),
     ))  # fmt: skip
 
 

@@ -137,5 +137,6 @@ def _compare(solved: Solved, k: int, ours_W: float, settings: Settings) -> _Comp
     conduction = 100 * (theirs_W / ours_W - 1)
     output = 100 * (measured["p2_w"] / float(np.ravel(point.power_W)[0]) - 1)
     unsettled = 100 * abs(measured[SETTLED.lower()] / measured["i_l_rms_a"] - 1)
-    row = (*at, rms, conduction, output, unsettled, measured["i_l_mean_a"], seconds, None)
-    return _Compared(row=row, rms=rms, conduction=conduction, seconds=seconds, unsettled=unsettled)
+    off = tuple(map(float, (rms, conduction, output, unsettled)))
+    row = (*at, *off, measured["i_l_mean_a"], seconds, None)
+    return _Compared(row=row, rms=off[0], conduction=off[1], seconds=seconds, unsettled=off[3])
