@@ -137,7 +137,8 @@ def _drive(circuit: Circuit, ahead: Array, delay: Array) -> tuple[Drive, _Meetin
     # the nearest flip of each leg: its rise, or its fall half a period from there
     falls = np.abs(ahead) > 0.5
     middle = ahead - np.where(falls, np.sign(ahead), 0.0)
-    chosen = np.nonzero((middle < dead + width[:, None]) & (middle > -width[:, None]) & _OTHERS)
+    meets = (middle < dead + width[:, None]) & (middle > -width[:, None]) & (dead > 0)
+    chosen = np.nonzero(meets & _OTHERS)
     drive = Drive(outside_A_per_s=base, own_A_per_s=own)
     meeting = _Meeting(current_A=np.zeros_like(base), per_flip_A=np.zeros_like(ahead))
     if not chosen[0].size:
