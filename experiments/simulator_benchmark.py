@@ -34,9 +34,9 @@ def run(settings: Settings) -> Result:
     cost = grid_cost(settings)
     parts: dict[str, Callable[[], Findings]] = {
         "grid": lambda: grid_findings(cost, settings),
+        "sweeps": lambda: sweep_ladder(settings),  # before anything that needs memory
         "dense scan": lambda: dense_scan(settings),
         "ngspice": lambda: ngspice_findings(cost.per_point_s, settings),
-        "sweeps": lambda: sweep_ladder(settings),
         "energy balance": energy_balance,
         "closed form": lossless_single_phase_shift,
         "time stepping": lambda: time_stepping(settings),

@@ -40,6 +40,10 @@ class DutyTable:
     def __post_init__(self) -> None:
         if self.power_W.size == 0 or np.any(np.diff(self.power_W) <= 0):
             raise ParameterError(f"DutyTable.power_W is {self.power_W}; allowed: at least one, rising")
+        for name in ("D1", "D2"):
+            d = getattr(self, name)
+            if d.shape != self.power_W.shape or not np.all((d >= 0) & (d <= 1)):
+                raise ParameterError(f"DutyTable.{name} is {d}; allowed: one from 0 to 1 for each power")
 
     def at(self, power_W: float) -> tuple[Array, Array]:
         """D1 and D2, each (1,); the end rows hold beyond them."""
@@ -54,6 +58,15 @@ class LoadStep:
     to_W: float
     at_s: float = 0.25e-3
     duration_s: float = 2.5e-3
+
+    def __post_init__(self) -> None:
+        for name in ("from_W", "to_W"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ParameterError(f"LoadStep.{name} is {getattr(self, name)}; allowed: finite and > 0 W")
+        if not 0 <= self.at_s < self.duration_s:
+            raise ParameterError(
+                f"LoadStep.at_s is {self.at_s}; allowed: 0 up to the duration, {self.duration_s} s"
+            )
 
     def load_W(self, time_s: float) -> float:
         """The load at a time."""

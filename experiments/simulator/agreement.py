@@ -28,6 +28,7 @@ WARM_C = 45.0
 _SHIFT = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
 _CHUNK = 250  # points whose scans are solved at once
 _ZOOMS = 5
+JUMP_BAR_W = 0.05  # a slope ten times the usual leaves 6 mW
 
 
 def energy_balance() -> Findings:
