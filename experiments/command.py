@@ -48,14 +48,24 @@ def experiment(
     reference: Annotated[
         Path | None, typer.Option(metavar="FILE", help="other people's points, for simulator_benchmark")
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PART", help="of an experiment that has parts; may be repeated"),
+    ] = None,
 ) -> None:
     """Run an experiment: print its tables, and write DIR/NAME.json and DIR/NAME.html."""
     if name == "list":
         _list()
         return
-    share = _scale(quick, scale)
+    settings = Settings(
+        out=out_folder,
+        scale=_scale(quick, scale),
+        processes=processes,
+        reference=reference,
+        only=tuple(only or ()),
+    )
     for chosen in names() if name == "all" else [name]:
-        _run(_entry(chosen), Settings(out=out_folder, scale=share, processes=processes, reference=reference))
+        _run(_entry(chosen), settings)
 
 
 def _list() -> None:
@@ -81,6 +91,7 @@ def _scale(quick: bool, scale: float | None) -> float:
 
 def _run(found: Entry, settings: Settings) -> None:
     start_s = time.perf_counter()
+    _check_parts(found, settings.only)
     with _watching(found.name) as watch:
         result = found.experiment.run(replace(settings, watch=watch))
     seconds = time.perf_counter() - start_s
@@ -89,6 +100,13 @@ def _run(found: Entry, settings: Settings) -> None:
     written = page.write(settings.out)
     _print_result(found.experiment.title, result)
     out.print(escape(f"{duration(seconds)}; written to {' and '.join(map(str, written))}"))
+
+
+def _check_parts(found: Entry, only: tuple[str, ...]) -> None:
+    parts = found.experiment.parts
+    if wrong := [name for name in only if name not in parts]:
+        allowed = f"one of {', '.join(parts)}" if parts else f"{found.name} has no parts"
+        raise InputError.of("command line", "--only", wrong[0], allowed)
 
 
 def _print_result(title: str, result: Result) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock, StepClock
+from drivers.mocks.lab.foreign.base import AcReading
 from drivers.mocks.lab.instruments import read_element
 from drivers.mocks.lab.laboratory import Electrical, Laboratory
 from drivers.mocks.lab.waveforms import Demand, Heat
@@ -123,6 +124,12 @@ class Plant:
             if pwm and not self._command.pwm:
                 self._faults = ()
             self._set(pwm=pwm, D1=D1, D2=D2)
+
+    def collapse(self) -> None:
+        """The converter stops by itself, as it does where it cannot hold its output."""
+        with self._lock:
+            self._begin(self._command)
+            self._faults = ("output_undervoltage",)
 
     def _set(self, **changes: float | bool) -> None:
         with self._lock:
@@ -235,7 +242,9 @@ class Plant:
             T_heatsink_C=float(heat.heatsink_C[0]) + lab.errors.temperature_K["heatsink"],
             T_transformer_C=float(heat.transformer_C[0]) + lab.errors.temperature_K["transformer"],
             T_inductor_C=float(heat.inductor_C[0]) + lab.errors.temperature_K["inductor"],
-            T_ambient_C=float(lab.ambient_C(0.0)),
+            T_ambient_C=float(
+                lab.ambient_C(0.0)
+            ),  # the sensor hangs elsewhere: how the room drifts stays hidden
             link1_W=between("P_link1_W") if running else 0.0,
             link2_W=between("P_link2_W") if running else 0.0,
             link_rms_A=between("rms_A") if running else 0.0,
@@ -249,7 +258,8 @@ class Plant:
         if not command.supply_on:
             return 0.0, 0.0
         if first is None or last is None:
-            return command.supply_V + lab.errors.supply_V, 0.0
+            idle_V = _one(command.supply_V + lab.errors.supply_V)
+            return float(idle_V[0]), float(lab.leaked_W(idle_V, heat.heatsink_C, now_s)[0])
         start_V, start_W = lab.input_terminals(first, heat.heatsink_C, now_s)
         end_V, end_W = lab.input_terminals(last, heat.heatsink_C, now_s)
         mix = np.array([1 - way, way])
@@ -277,7 +287,7 @@ class Plant:
                     self.laboratory.errors, element, [np.asarray(x) for x in triple], rng
                 )
                 if element == 1:
-                    volts, amps, watts = self.laboratory.port_1(volts, amps, watts)
+                    volts, amps, watts = self.laboratory.port_1(volts, amps, watts, state.time_s)
                 most_V, most_A = (_OVERRANGE * ranges.get(f"{q}{element}", np.inf) for q in "UI")
                 over = bool(volts > most_V or abs(amps) > most_A)
                 values = (np.inf,) * 3 if over else (float(volts), float(amps), float(watts))
@@ -290,12 +300,22 @@ class Plant:
         primary_V = state.supply_V * np.sqrt(max(state.D1, 0.0)) if state.pwm else 0.0
         secondary_V = state.load_V * np.sqrt(max(1 - state.D2, 0.0)) if state.pwm else 0.0
         n = c.transformer.turns_ratio
-        return {
-            1: (state.supply_V, state.supply_A, state.supply_V * state.supply_A),
-            2: (state.load_V, state.load_A, state.load_V * state.load_A),
+        ac = {
             3: (primary_V, state.link_rms_A, state.link1_W),
             4: (secondary_V, n * state.link_rms_A, state.link2_W),
         }
+        return {
+            1: (state.supply_V, state.supply_A, state.supply_V * state.supply_A),
+            2: (state.load_V, state.load_A, state.load_V * state.load_A),
+            **{element: self._ac_element(element, *truth) for element, truth in ac.items()},
+        }
+
+    def _ac_element(
+        self, element: int, volts: float, amps: float, watts: float
+    ) -> tuple[float, float, float]:
+        """Truth of an ac element with what is wrong with its probes."""
+        reading = AcReading(element=element, watts=_one(watts), volts=_one(volts), amps=_one(amps))
+        return volts, amps, float(self.laboratory.ac_watts(reading)[0])
 
 
 def _digits(command: Command) -> list[int]:

@@ -1,48 +1,73 @@
-"""Scores answers against the truth: found, false name, shares with their binomial intervals."""
+"""Shares with their binomial intervals, and the goals made of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 from scipy.stats import binomtest
 
-from experiments.blind.trial import Answer, BlindTrial
+from experiments.blind.answer import Answer
+from experiments.blind.trial import BlindTrial
+from experiments.harness.result import Goal
 
 _POINTS = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scored:
-    """A trial and its answer."""
+    """A trial, its answer, and what the truth said of both; without an answer where it was excluded."""
 
     trial: BlindTrial
-    answer: Answer
+    isolability: float | None
+    tied: tuple[str, ...] = ()
+    answer: Answer | None = None
+
+    @classmethod
+    def of(cls, trial: BlindTrial, record: dict[str, Any]) -> Self:
+        """From a journal's record."""
+        return cls(
+            trial=trial,
+            isolability=record["isolability"],
+            tied=tuple(record["tied"]),
+            answer=None if record["excluded"] else Answer.from_plain(record["answer"]),
+        )
 
     @property
-    def found(self) -> bool:
-        """The hidden effect is the first named cause, or in the stated group."""
-        return self.trial.effect is not None and self.trial.effect in self.answer.stated
+    def said(self) -> Answer:
+        """The answer of a trial that was not excluded."""
+        if self.answer is None:
+            raise ValueError(f"{self.trial.key} was excluded and has no answer")
+        return self.answer
 
     @property
-    def false_name(self) -> bool:
-        """Something is named, alone or as a group, and the hidden effect is not in it."""
-        return bool(self.answer.stated) and not self.found
+    def right_first(self) -> bool:
+        """A verdict that names, with a hidden effect first."""
+        return self.said.verdict in ("named", "group") and self.said.first in self.trial.names
 
     @property
-    def covered(self) -> bool | None:
-        """Whether the interval of the first cause holds the hidden value; None where that is another effect."""
-        t, a = self.trial, self.answer
-        if t.effect is None or t.effect != a.first or t.value is None or a.value is None:
-            return None
-        return a.half_width is not None and abs(a.value - t.value) <= a.half_width
+    def stated(self) -> bool:
+        """Every hidden effect is named or in a stated group."""
+        return bool(self.trial.names) and set(self.trial.names) <= set(self.said.stated)
 
     @property
-    def outcome(self) -> str:
-        """``found``, ``missed``, ``false name``; of nothing hidden ``rightly none`` or ``not said``."""
-        if self.found or self.false_name:
-            return "found" if self.found else "false name"
-        if self.trial.effect is None:
-            return "rightly none" if self.answer.verdict == "consistent" else "not said"
-        return "missed"
+    def exact(self) -> bool:
+        """Just what is hidden is named."""
+        return set(self.said.named) == set(self.trial.names) == set(self.said.stated)
+
+    @property
+    def wrong(self) -> bool:
+        """Something is stated that is not there."""
+        return self.said.misnames(self.trial.names)
+
+    @property
+    def unknown(self) -> bool:
+        """The verdict is ``unknown``."""
+        return self.said.verdict == "unknown"
+
+    @property
+    def consistent(self) -> bool:
+        """The verdict is ``consistent``."""
+        return self.said.verdict == "consistent"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,32 +77,37 @@ class Share:
     hits: int
     trials: int
 
+    @classmethod
+    def of(cls, outcomes: Iterable[bool]) -> Self:
+        """Count what is true."""
+        known = list(outcomes)
+        return cls(hits=sum(known), trials=len(known))
+
     @property
     def per_cent(self) -> float:
         """The share in per cent, NaN of no trials."""
         return _POINTS * self.hits / self.trials if self.trials else float("nan")
 
-    @property
-    def ci95(self) -> tuple[float, float]:
-        """The 95 % interval of Clopper and Pearson (1934), in per cent; of no trials, everything."""
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """The interval of Clopper and Pearson (1934), in per cent; of no trials, everything."""
         if not self.trials:
             return 0.0, _POINTS
-        interval = binomtest(self.hits, self.trials).proportion_ci(0.95, method="exact")
+        interval = binomtest(self.hits, self.trials).proportion_ci(confidence, method="exact")
         return _POINTS * float(interval.low), _POINTS * float(interval.high)
 
-
-def found_share(scored: Sequence[Scored]) -> Share:
-    """How many of the hidden effects were found."""
-    hiding = [s for s in scored if s.trial.effect is not None]
-    return Share(hits=sum(s.found for s in hiding), trials=len(hiding))
-
-
-def false_share(scored: Sequence[Scored]) -> Share:
-    """How many answers named something that was not there."""
-    return Share(hits=sum(s.false_name for s in scored), trials=len(scored))
+    def goal(self, name: str, bar: float, *, at_least: bool) -> Goal:
+        """The share as a goal with its bar in per cent."""
+        said = f"{name} ({self.hits} of {self.trials})"
+        return Goal(
+            name=said, value=self.per_cent, bar=bar, at_least=at_least, unit="%", ci95=self.interval()
+        )
 
 
-def covered_share(scored: Sequence[Scored]) -> Share:
-    """How many of the intervals of a first cause that is the hidden effect hold its value."""
-    known = [s.covered for s in scored if s.covered is not None]
-    return Share(hits=sum(known), trials=len(known))
+def judged(scored: Sequence[Scored]) -> list[Scored]:
+    """Those that were not excluded."""
+    return [one for one in scored if one.answer is not None]
+
+
+def share(scored: Sequence[Scored], holds: Callable[[Scored], bool]) -> Share:
+    """How many of the judged ones hold."""
+    return Share.of(holds(one) for one in judged(scored))

@@ -1,93 +1,155 @@
-"""One blind trial: a virtual lab hides an effect, is measured, and the diagnosis is asked."""
+"""One blind trial: a virtual lab hides something, is measured, and the diagnosis is asked."""
 
-import math
 import time
-from dataclasses import asdict, dataclass
-from typing import Any, Self
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
+import numpy as np
+import pandas as pd
+
+from drivers.mocks.lab.foreign.families import FOREIGN
+from drivers.mocks.lab.instruments import InstrumentErrors
 from drivers.mocks.lab.laboratory import Laboratory
-from experiments.harness.lab_data import measured_table
+from drivers.mocks.lab.survey import Schedule, survey
+from experiments.blind.answer import NO_ANSWER, Answer
+from experiments.blind.reach import (
+    CHANNELS,
+    EFFICIENCY_ONLY,
+    LEAST_SIGMA,
+    Sight,
+    design,
+    reach_of,
+    shift_between,
+)
 from models.dataset import load_measurements
-from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.diagnose import diagnose
+from models.screening import LOADED_KINDS
 
-_Z95 = 1.96
-NO_ANSWER = "no answer"
+ORDINARY, HEAVY, CORRELATED, UNDERSTATED = "ordinary", "heavy tails", "autocorrelated", "under-stated"
+NOISES = (ORDINARY, HEAVY, CORRELATED, UNDERSTATED)
+_UNDERSTATED_BY = 1.5
+_EFFICIENCY_COLUMNS = ["D1", "D2", "P2_W", "efficiency"]
+_U_OF = {"u_P1_W": ("P1_W", 3.5e-5), "u_P2_W": ("P2_W", 3.5e-5)}  # of reading: the mean of eight updates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlindTrial:
-    """What one seed hides: an effect with its headline value, or nothing."""
+    """What one seed hides, and how it is measured.
 
-    effect: str | None
-    value: float | None
-    size: str
+    ``design`` is the seed of a pool's set points, for trials whose isolability is asked of the truth; without
+    one the set points are the trial's own. ``rival`` is what the hidden effect is tied with, where that is tried.
+    """
+
+    row: str
     seed: int
+    hidden: tuple[tuple[str, float], ...] = ()
+    noise: str = ORDINARY
+    efficiency_only: bool = False
+    design: int | None = None
     points: int = 100
+    rival: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The hidden effects."""
+        return tuple(name for name, _ in self.hidden)
 
     @property
     def key(self) -> str:
         """Everything that the outcome depends on."""
-        if self.effect is None:
-            return f"nothing hidden, seed {self.seed}, {self.points} points"
-        return f"{self.effect} = {self.value!r} ({self.size}), seed {self.seed}, {self.points} points"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """What the diagnosis said.
-
-    ``stated`` are the effects that the verdict stands for: the causes when named, the tied group when
-    group, none otherwise. ``first`` is the most probable cause whatever the verdict; ``half_width`` that of
-    the 95 % interval of its value. ``refused`` says why there was no answer.
-    """
-
-    verdict: str
-    stated: tuple[str, ...] = ()
-    first: str | None = None
-    probability: float | None = None
-    value: float | None = None
-    half_width: float | None = None
-    consistent: float | None = None
-    leftover: float | None = None
-    gap_W: float | None = None
-    cpu_s: float = 0.0
-    refused: str = ""
-
-    @classmethod
-    def of(cls, diagnosis: Diagnosis, cpu_s: float) -> Self:
-        """The answer in a diagnosis."""
-        verdict = diagnosis.verdict
-        first = verdict.causes[0] if verdict.causes else None
-        stated = verdict.stated if verdict.kind == "named" else next(iter(verdict.groups), verdict.stated)
-        return cls(
-            verdict=verdict.kind,
-            stated=stated,
-            first=None if first is None else first.effect,
-            probability=None if first is None else first.probability,
-            value=None if first is None else first.term.value,
-            half_width=None
-            if first is None or not math.isfinite(first.term.sigma)
-            else _Z95 * first.term.sigma,
-            consistent=verdict.consistent_probability,
-            leftover=verdict.unknown_probability,
-            gap_W=diagnosis.gap["mean_loss_W"],
-            cpu_s=cpu_s,
+        what = " + ".join(f"{name} = {value!r}" for name, value in self.hidden) or "nothing"
+        where = "own design" if self.design is None else f"design {self.design}"
+        seen = "efficiency only" if self.efficiency_only else "all channels"
+        tie = "" if self.rival is None else f", tied with {self.rival}"
+        return (
+            f"{self.row}: {what}{tie}, seed {self.seed}, {self.noise}, {seen}, {where}, {self.points} points"
         )
 
-    @classmethod
-    def from_plain(cls, plain: dict[str, Any]) -> Self:
-        """An answer read back."""
-        return cls(**{**plain, "stated": tuple(plain["stated"])})
+    @property
+    def plan(self) -> Schedule:
+        """The set points in their order."""
+        return design(self.seed if self.design is None else self.design, self.points)
+
+
+def laboratory(trial: BlindTrial) -> Laboratory:
+    """The lab of a trial, with its kind of noise."""
+    lab = Laboratory.draw(seed=trial.seed, hidden=dict(trial.hidden))
+    return replace(lab, errors=_noisy(lab.errors, trial))
+
+
+def _noisy(errors: InstrumentErrors, trial: BlindTrial) -> InstrumentErrors:
+    """Heavy tails: three degrees of freedom. Autocorrelated: 0.6 from row to row. Under-stated: loads are noisier
+    than the reference rows, whose scatter they are judged by, and the stated uncertainty is as much too small."""
+    if trial.noise == HEAVY:
+        return replace(errors, tail=3.0)
+    if trial.noise == CORRELATED:
+        return replace(errors, correlation=0.6)
+    if trial.noise == UNDERSTATED:
+        return replace(errors, noise=np.where(trial.plan.kind == "load", _UNDERSTATED_BY, 1.0))
+    return errors
+
+
+def measured(trial: BlindTrial) -> pd.DataFrame:
+    """The measurement table of a trial."""
+    table = survey(laboratory(trial), trial.plan, seed=trial.seed)
+    if trial.noise == UNDERSTATED:
+        table = table.assign(**{u: share * table[column] for u, (column, share) in _U_OF.items()})
+    return table
+
+
+def sight_of(trial: BlindTrial, table: pd.DataFrame) -> Sight:
+    """What the truth says can be seen of what the trial hides."""
+    assert trial.design is not None
+    plain = survey(Laboratory.draw(seed=trial.seed), trial.plan, seed=trial.seed)
+    channels = EFFICIENCY_ONLY if trial.efficiency_only else CHANNELS
+    if trial.efficiency_only:
+        table = table[table["kind"].isin(LOADED_KINDS)]
+    return reach_of(trial.design, trial.points).sight(shift_between(table, plain), channels)
+
+
+def isolability(trial: BlindTrial, sight: Sight) -> float:
+    """Sigmas by which what is hidden stands out of whatever could be mistaken for it.
+
+    One effect: of every other effect. A foreign one: of the whole catalogue together. Of a pair, the shift of
+    both: of every single effect, and of each of the two with any third. Efficiency alone: of nothing.
+    """
+    if any(name in FOREIGN for name in trial.names):
+        return sight.beyond(list(sight.planes))
+    if trial.efficiency_only:
+        return sight.detectability
+    beside = [()] if len(trial.names) == 1 else [(name,) for name in trial.names]
+    return min(min(sight.rivals(trial.names, left).values()) for left in beside)
 
 
 def ask(trial: BlindTrial) -> dict[str, Any]:
-    """Hide, measure, diagnose; the answer as plain data. The diagnosis gets the table alone."""
+    """Hide, measure, diagnose; plain data. The diagnosis gets the table alone.
+
+    A trial of a pool's design that cannot be seen is ``excluded`` and not diagnosed.
+    """
+    table = measured(trial)
+    truth: dict[str, Any] = {"excluded": False, "isolability": None, "tied": []}
+    if trial.design is not None:
+        sight = sight_of(trial, table)
+        truth["isolability"] = isolability(trial, sight)
+        if truth["isolability"] < LEAST_SIGMA:
+            return truth | {"excluded": True}
+        if trial.efficiency_only:
+            truth["tied"] = list(sight.tied(trial.names[0]))
+    seen = efficiency_table(table) if trial.efficiency_only else table
+    return truth | {"answer": asdict(answered(seen))}
+
+
+def efficiency_table(table: pd.DataFrame) -> pd.DataFrame:
+    """The required columns of the rows that carry load, and nothing else."""
+    return table.loc[table["kind"].isin(LOADED_KINDS), _EFFICIENCY_COLUMNS]
+
+
+def answered(table: pd.DataFrame) -> Answer:
+    """The diagnosis of a table, whatever comes of it."""
     start_s = time.process_time()
-    hidden = {} if trial.effect is None else {trial.effect: trial.value}
-    table = measured_table(Laboratory.draw(seed=trial.seed, hidden=hidden), trial.points, seed=trial.seed)
     try:
-        diagnosis = diagnose(load_measurements(table))
+        plain = diagnose(load_measurements(table)).as_plain()
     except ValueError as error:  # of whatever kind: no answer is an answer that counts against it
         refused = f"{type(error).__name__}: {error}"
-        return asdict(Answer(verdict=NO_ANSWER, refused=refused, cpu_s=time.process_time() - start_s))
-    return asdict(Answer.of(diagnosis, time.process_time() - start_s))
+        return Answer(verdict=NO_ANSWER, refused=refused, cpu_s=time.process_time() - start_s)
+    return Answer.of(plain, time.process_time() - start_s)

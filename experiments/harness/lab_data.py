@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
 from sim.model import Model
-from sim.simulate import Points, simulate
+from sim.simulate import Points, can_run
 
 Array = NDArray[np.float64]
 
@@ -26,11 +26,16 @@ def random_set_points(count: int, rng: np.random.Generator) -> Array:
 def _drawn(count: int, spare: float, rng: np.random.Generator) -> Array:
     found = np.empty((0, 3))
     while len(found) < count:
-        batch = np.stack([rng.uniform(*r, _BATCH) for r in (D1_RANGE, D2_RANGE, POWER_RANGE_W)], axis=1)
-        D1, D2, power_W = batch.T
-        points = Points(D1=D1, D2=D2, power_W=(1 + spare) * power_W)
-        found = np.concatenate([found, batch[simulate(Model.baseline(), points).feasible]])
+        batches = [_batch(rng) for _ in range(1 + 2 * (count - len(found)) // _BATCH)]
+        drawn = np.concatenate(batches)
+        D1, D2, power_W = drawn.T
+        runs = can_run(Model.baseline(), Points(D1=D1, D2=D2, power_W=(1 + spare) * power_W))
+        found = np.concatenate([found, drawn[runs]])
     return found[:count]
+
+
+def _batch(rng: np.random.Generator) -> Array:
+    return np.stack([rng.uniform(*r, _BATCH) for r in (D1_RANGE, D2_RANGE, POWER_RANGE_W)], axis=1)
 
 
 def measured_table(lab: Laboratory, count: int, *, seed: int) -> pd.DataFrame:

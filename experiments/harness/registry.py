@@ -19,10 +19,11 @@ _NOT_ONE = ("command",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """A title, and the function that runs it."""
+    """A title, the function that runs it, and the parts of it that can be run alone, if any."""
 
     title: str
     run: Callable[[Settings], Result]
+    parts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

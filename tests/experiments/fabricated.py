@@ -1,27 +1,37 @@
 """Scored trials and an experiment made up by hand."""
 
+from dataclasses import replace
+
+from experiments.blind.answer import Answer, Cause
 from experiments.blind.scoring import Scored
-from experiments.blind.trial import Answer, BlindTrial
+from experiments.blind.trial import BlindTrial
 from experiments.harness.registry import Entry, Experiment
 from experiments.harness.result import Goal, Result, Table
 from experiments.harness.settings import Settings
 
 
-def scored(
-    effect: str | None, verdict: str, *stated: str, seed: int = 20_000, value: float | None = None
-) -> Scored:
-    """A trial that hid 0.1 of ``effect``; a verdict that stands for ``stated``, with a ``value`` ± 0.02."""
-    hidden = None if effect is None else 0.1
-    trial = BlindTrial(effect=effect, value=hidden, size="small", seed=seed)
-    answer = Answer(
-        verdict=verdict,
-        stated=stated,
-        first=stated[0] if stated else "fan_step",
-        probability=0.9,
-        value=value,
-        half_width=None if value is None else 0.02,
+def answer(
+    verdict: str, *stated: str, probability: float = 0.97, ci95: tuple[float, float] = (0.08, 0.12)
+) -> Answer:
+    """An answer that names the first, or for a group ties all, with an interval of each value."""
+    low, high = ci95
+    causes = tuple(
+        Cause(effect=name, probability=probability, value=0.5 * (low + high), low=low, high=high)
+        for name in (stated or ("fan_step",))
     )
-    return Scored(trial=trial, answer=answer)
+    if verdict == "group":
+        causes = tuple(replace(cause, probability=probability / len(causes)) for cause in causes)
+    groups = (stated,) if verdict == "group" else ()
+    return Answer(verdict=verdict, causes=causes, groups=groups, unknown=0.01, cpu_s=1.0)
+
+
+def scored(
+    hidden: str | None, said: Answer | None, *, seed: int = 100_000, tied: tuple[str, ...] = ()
+) -> Scored:
+    """A trial that hid 0.1 of ``hidden``, several joined by +; excluded where nothing was said."""
+    values = () if hidden is None else tuple((name, 0.1) for name in hidden.split("+"))
+    trial = BlindTrial(row="single", seed=seed, hidden=values)
+    return Scored(trial=trial, isolability=20.0, tied=tied, answer=said)
 
 
 def result(_: Settings | None = None) -> Result:

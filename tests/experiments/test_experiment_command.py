@@ -46,9 +46,11 @@ def test_a_run_prints_its_tables_and_writes_its_files(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("first_trail",), "did you mean 'first_trials'"),
-        (("first_trials", "--scale", "0"), "--scale = 0.0"),
-        (("first_trials", "--quick", "--scale", "0.5"), "give one of the two"),
+        (("blind_trail",), "did you mean 'blind_trials'"),
+        (("blind_trials", "--scale", "0"), "--scale = 0.0"),
+        (("blind_trials", "--quick", "--scale", "0.5"), "give one of the two"),
+        (("blind_trials", "--only", "pears"), "--only = 'pears': one of single, pairs"),
+        (("simulator_benchmark", "--only", "pairs"), "simulator_benchmark has no parts"),
     ],
 )
 def test_wrong_use_is_told(arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:

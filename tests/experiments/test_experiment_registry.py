@@ -11,7 +11,7 @@ from experiments.harness.registry import Experiment, UnknownExperiment, entry, n
 def test_every_file_beside_the_command_is_an_experiment() -> None:
     files = {path.stem for path in Path(experiments.__path__[0]).glob("*.py")}
     assert set(names()) == files - {"__init__", "command"}
-    assert {"first_trials", "simulator_benchmark"} <= set(names())
+    assert {"blind_trials", "simulator_benchmark"} <= set(names())
 
 
 @pytest.mark.parametrize("name", names())
@@ -23,8 +23,8 @@ def test_every_experiment_has_a_title_and_says_what_it_does(name: str) -> None:
 
 
 def test_an_unknown_name_is_answered_with_the_nearest() -> None:
-    with pytest.raises(UnknownExperiment, match="did you mean 'first_trials'"):
-        entry("first_trial")
+    with pytest.raises(UnknownExperiment, match="did you mean 'blind_trials'"):
+        entry("blind_trial")
 
 
 def test_a_new_file_is_found_and_one_without_declaration_refused(

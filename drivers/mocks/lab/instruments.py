@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -13,13 +14,18 @@ _GAIN = {1: 3e-4 / np.sqrt(3), 2: 3e-4 / np.sqrt(3), 3: 2e-3 / np.sqrt(3), 4: 2e
 _OFFSET_A = {1: 2.5e-3 / np.sqrt(3), 2: 5e-3 / np.sqrt(3), 3: 0.0, 4: 0.0}
 _OFFSET_W = {1: 0.0, 2: 0.0, 3: 1.0, 4: 1.0}
 _NOISE = {1: 1e-4, 2: 1e-4, 3: 4e-4, 4: 4e-4}  # of reading, one update
+_SENSORS = ("heatsink", "inductor", "transformer")
 _TEMPERATURE_OFFSET_K = 0.3
 _TAIL = 6.0  # degrees of freedom of the noise: heavier tails than normal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentErrors:
-    """The fixed errors of one lab's instruments, drawn once; ``noise`` scales what comes on top."""
+    """The fixed errors of one lab's instruments, drawn once, and the noise on top of them.
+
+    ``noise`` scales the noise, as one number or for each of a table's rows; ``tail`` is the degrees of freedom of
+    its distribution, ``correlation`` that of a row's noise with the next one's.
+    """
 
     voltage_gain: dict[int, float]
     current_gain: dict[int, float]
@@ -28,7 +34,23 @@ class InstrumentErrors:
     temperature_K: dict[str, float]
     output_sense: float
     supply_V: float
-    noise: float = 1.0
+    noise: float | Array = 1.0
+    tail: float = _TAIL
+    correlation: float = 0.0
+
+
+def perfect_instruments() -> InstrumentErrors:
+    """Instruments that read what is there, and the noise of good ones."""
+    none = dict.fromkeys(_GAIN, 0.0)
+    return InstrumentErrors(
+        voltage_gain=none,
+        current_gain=none,
+        offset_A=none,
+        offset_W=none,
+        temperature_K=dict.fromkeys(_SENSORS, 0.0),
+        output_sense=0.0,
+        supply_V=0.0,
+    )
 
 
 def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
@@ -43,12 +65,17 @@ def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
         current_gain={e: 0.6 * g for e, g in halves.items()},
         offset_A={e: uniform(s) for e, s in _OFFSET_A.items()},
         offset_W={e: uniform(s) for e, s in _OFFSET_W.items()},
-        temperature_K={
-            n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in ("heatsink", "inductor", "transformer")
-        },
+        temperature_K={n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in _SENSORS},
         output_sense=uniform(5e-4),
         supply_V=uniform(0.1),
     )
+
+
+def _correlated(white: Array, correlation: float) -> Array:
+    """A first-order autoregression of unit variance along the last axis."""
+    fresh = np.sqrt(1 - correlation**2) * white
+    fresh[..., 0] = white[..., 0]
+    return np.asarray(lfilter([1.0], [1.0, -correlation], fresh, axis=-1))
 
 
 def read_element(
@@ -60,7 +87,9 @@ def read_element(
     offset_A = errors.offset_A[element]
 
     def noise() -> Array:
-        draw = rng.standard_t(_TAIL, np.shape(watts)) * np.sqrt((_TAIL - 2) / _TAIL)
+        draw = rng.standard_t(errors.tail, np.shape(watts)) * np.sqrt((errors.tail - 2) / errors.tail)
+        if errors.correlation and np.ndim(watts):
+            draw = _correlated(draw, errors.correlation)
         return np.asarray(1 + errors.noise * _NOISE[element] * draw)
 
     offset_W = offset_A * volts + errors.offset_W[element]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.mocks.lab.choke import Choke
 from drivers.mocks.lab.waveforms import Heat, channel_Ohm, series_Ohm, winding_Ohm
 from sim.parameters import Converter, Core, SwitchingEnergy, Winding
 from sim.steady_state import Circuit, Orbit
@@ -37,10 +38,10 @@ def _energy(law: SwitchingEnergy, current_A: Array, voltage_V: Array, junction_C
     return np.asarray(law.energy_J * scaled * np.exp(law.energy_per_K * (junction_C - 25.0)))
 
 
-def _harmonics(orbit: Orbit, half_period_s: Array) -> Array:
+def _harmonics(orbit: Orbit, half_period_s: Array, choke: Choke) -> Array:
     """Mean-square link current of each odd harmonic, (harmonics, N), by quadrature over the waveform."""
     place = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    current = orbit.pieces.current_at(place[:, None] * half_period_s)
+    current = choke.current(orbit.pieces.current_at(place[:, None] * half_period_s))
     phase = np.exp(-1j * np.pi * _HARMONICS[:, None] * place)
     amplitude = 2.0 * phase @ current / _SAMPLES
     return np.asarray(0.5 * np.abs(amplitude) ** 2)
@@ -67,10 +68,12 @@ def _core(
     return np.asarray(per_volume * core.volume_m3 * warm)
 
 
-def _magnetics(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit) -> tuple[Array, Array]:
+def _magnetics(
+    converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit, choke: Choke
+) -> tuple[Array, Array]:
     """Copper and core of inductor and transformer."""
     pieces, half_period, f = orbit.pieces, circuit.half_period_s, converter.frequency_Hz
-    squares = _harmonics(orbit, half_period)
+    squares = _harmonics(orbit, half_period, choke)
     across = pieces.vp_V - pieces.nvs_V
 
     def mean_square(voltage_V: Array) -> Array:
@@ -88,7 +91,9 @@ def _magnetics(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit)
     )
 
 
-def _switching(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit) -> dict[str, Array]:
+def _switching(
+    converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit, choke: Choke
+) -> dict[str, Array]:
     """Losses at the edges by kind of device."""
     c, f = orbit.commutation, converter.frequency_Hz
     outer, inner, clamp = (
@@ -98,7 +103,9 @@ def _switching(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit)
     )
     low = converter.secondary.switch
     half, V2 = 0.5 * circuit.V1_V, circuit.nV2_V / circuit.turns_ratio
-    off, on, missing = c.turn_off_A, c.turn_on_A, c.missing
+    ratio = np.stack([np.ones_like(V2), np.ones_like(V2), circuit.turns_ratio, circuit.turns_ratio])
+    off, on = (ratio * choke.current(current / ratio) for current in (c.turn_off_A, c.turn_on_A))
+    missing = c.missing
     stored = sum(np.asarray(d.capacitance.charge_C(half)) for d in (outer, inner, clamp))
     hard_J = 0.5 * stored * half * missing[:2] ** 2
     recovered = np.asarray(clamp.recovery.at(current_A=on[0], junction_C=heat.clamp_C))
@@ -132,15 +139,15 @@ def _switching(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit)
 
 
 def _conduction(
-    converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit
+    converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit, choke: Choke
 ) -> tuple[dict[str, Array], Array]:
     """Conduction by kind of device, and the mean-square link current."""
     pieces = orbit.pieces
     n, low = converter.transformer.turns_ratio, converter.secondary.switch
     live = np.abs(pieces.vp_V) > 0.5 * circuit.V1_V
     along = pieces.vp_V * pieces.sign > 0
-    charge = np.abs(pieces.charge()) / circuit.half_period_s
-    square = pieces.square() / circuit.half_period_s
+    charge = np.abs(choke.charge(pieces)) / circuit.half_period_s
+    square = choke.square(pieces) / circuit.half_period_s
 
     def loop(chosen: NDArray[np.bool_], drops: Array) -> Array:
         """Everything the loop loses in one conduction state."""
@@ -165,11 +172,11 @@ def _conduction(
     return {"outer": outer, "inner": inner, "clamp": clamp, "secondary": secondary}, square_A2
 
 
-def lab_losses(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit) -> LabLosses:
+def lab_losses(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit, choke: Choke) -> LabLosses:
     """All losses of N solved points."""
-    conduction, square_A2 = _conduction(converter, heat, circuit, orbit)
-    switching = _switching(converter, heat, circuit, orbit)
-    inductor, transformer = _magnetics(converter, heat, circuit, orbit)
+    conduction, square_A2 = _conduction(converter, heat, circuit, orbit, choke)
+    switching = _switching(converter, heat, circuit, orbit, choke)
+    inductor, transformer = _magnetics(converter, heat, circuit, orbit, choke)
     by_kind = {kind: conduction[kind] + switching[kind] for kind in conduction}
     return LabLosses(
         primary=by_kind["outer"] + by_kind["inner"] + by_kind["clamp"],

@@ -1,10 +1,12 @@
 """The lab's ac link: its own temperature laws, then the waveform solver."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.mocks.lab.choke import Choke
 from sim.modulation import centre_offset, hybrid_edges
 from sim.parameters import Capacitance, Conduction, Converter
 from sim.regulation import Regulated, regulate
@@ -14,6 +16,7 @@ from sim.steady_state import FINE, Circuit
 Array = NDArray[np.float64]
 
 LAB_ACCURACY = replace(FINE, power=1e-5)
+_BENT_ROUNDS = 2  # a run goes on from the last one's solution, and every point is run several times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,11 +122,28 @@ def lab_circuit(converter: Converter, heat: Heat, demand: Demand) -> Circuit:
     )
 
 
-def lab_orbit(
-    converter: Converter, heat: Heat, demand: Demand, secondary_W: Array, warm: Regulated | None
-) -> tuple[Circuit, Regulated]:
-    """Regulate so that ``power_W`` arrives behind ``secondary_W`` of switching loss."""
-    circuit = lab_circuit(converter, heat, demand)
-    edges = hybrid_edges(-centre_offset(demand.D1, demand.D2), demand.D1, demand.D2)
-    edges[2:] += converter.secondary_delay_s / converter.half_period_s
-    return circuit, regulate(circuit, edges, demand.power_W + secondary_W, warm=warm, accuracy=LAB_ACCURACY)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link:
+    """A converter as the waveforms meet it: its choke, and what else changes the circuit."""
+
+    converter: Converter
+    choke: Choke
+    adapt: Callable[[Circuit, Demand, Heat], Circuit]
+
+    def solved(
+        self, heat: Heat, demand: Demand, secondary_W: Array, warm: Regulated | None
+    ) -> tuple[Circuit, Regulated]:
+        """Regulate so that ``power_W`` arrives behind ``secondary_W`` of switching loss, at given heat.
+
+        What saturation carries beyond a constant inductance is taken off the solver's target, a few times over.
+        """
+        circuit = self.adapt(lab_circuit(self.converter, heat, demand), demand, heat)
+        edges = hybrid_edges(-centre_offset(demand.D1, demand.D2), demand.D1, demand.D2)
+        edges[2:] += self.converter.secondary_delay_s / self.converter.half_period_s
+        target = demand.power_W + secondary_W
+        for _ in range(1 if self.choke.drop == 0.0 else _BENT_ROUNDS):
+            extra = 0.0 if warm is None else self.choke.extra_W(warm.orbit)
+            goal = np.maximum(target - extra, 0.0)
+            warm = regulate(circuit, edges, goal, warm=warm, accuracy=LAB_ACCURACY)
+        assert warm is not None
+        return circuit, warm

@@ -3,28 +3,17 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.mocks.lab.hidden import Quirks
-from drivers.mocks.lab.instruments import InstrumentErrors
+from drivers.mocks.lab.instruments import perfect_instruments
 from drivers.mocks.lab.laboratory import Electrical, Laboratory
 from drivers.mocks.lab.waveforms import Heat
-from sim.prototype import prototype
 
 Array = NDArray[np.float64]
-_NONE = dict.fromkeys((1, 2, 3, 4), 0.0)
-PERFECT = InstrumentErrors(
-    voltage_gain=_NONE,
-    current_gain=_NONE,
-    offset_A=_NONE,
-    offset_W=_NONE,
-    temperature_K=dict.fromkeys(("heatsink", "inductor", "transformer"), 0.0),
-    output_sense=0.0,
-    supply_V=0.0,
-)
+PERFECT = perfect_instruments()
 
 
 def nominal() -> Laboratory:
     """Every part as its datasheet says, nothing hidden, nothing misread."""
-    return Laboratory(converter=prototype(), quirks=Quirks(), errors=PERFECT, hidden={})
+    return Laboratory.nominal()
 
 
 def set_points(count: int, seed: int = 1) -> tuple[Array, Array, Array]:

@@ -5,6 +5,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from drivers.mocks.lab.choke import REFERENCE_A, Choke
+from drivers.mocks.lab.hidden import Quirks
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.waveforms import channel_Ohm, winding_Ohm
 from sim.parameters import leaves
@@ -115,3 +117,37 @@ def test_a_sic_channel_bends_upwards_with_temperature() -> None:
 
 def test_copper_grows_by_the_tables_of_copper() -> None:
     assert winding_Ohm(1.0, np.array(100.0)) == pytest.approx(1 + 0.00393 * 75, rel=0.01)  # handbook
+
+
+# --- the choke ----------------------------------------------------------------------------------------
+
+
+def test_the_choke_inverts_its_flux_linkage() -> None:
+    straight, choke = np.linspace(-12.0, 12.0, 25), Choke(drop=0.3)
+    bent = choke.current(straight)
+    flux = bent - choke.drop / (3 * REFERENCE_A**2) * bent**3
+    np.testing.assert_allclose(flux, straight, atol=5e-3)  # the series ends at the fifth power of 6 %
+
+
+def test_a_choke_that_saturates_carries_more_than_its_solver_is_asked_for() -> None:
+    straight, bent = (
+        replace(nominal(), quirks=Quirks(choke_drop=drop)).settled(
+            np.array([0.95]), np.array([0.05]), np.array([1500.0]), np.array([300.0]), np.zeros(1)
+        )[0]
+        for drop in (0.0, 0.2)
+    )
+    orbit, choke = bent.regulated.orbit, Choke(drop=0.2)
+    carried_W = orbit.output_power_W() + choke.extra_W(orbit)
+    # what the secondary loses at its edges and in its channels follows the power; the solver's target is 1e-5
+    assert carried_W == pytest.approx(straight.regulated.orbit.output_power_W(), rel=1e-3)
+    assert bent.D0 < straight.D0  # less inductance, less phase
+
+
+def test_rows_start_warm_from_the_row_before() -> None:
+    lab = nominal()
+    now, end, _ = settled(lab)
+    lag = lab.lagging(end, now.losses, np.full(40, 25.0), 180.0)
+    expected, keep = 25.0, np.exp(-180.0 / 80.0)
+    for k in range(3):
+        expected = end.transformer_C[k] + (expected - end.transformer_C[k]) * keep
+        assert lag.transformer_C[k] == pytest.approx(expected)

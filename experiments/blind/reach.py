@@ -1,0 +1,218 @@
+r"""What a design could tell apart, computed from the truth: the trial generator's isolability.
+
+A lab of nominal parts is measured with perfect instruments, and again with every part, instrument and effect moved
+a little: how each moves all readings. Readings are whitened with what is not known of an honest bench,
+
+.. math:: C = \operatorname{diag}(\sigma^2) + J J^T
+
+where the columns of J are one sigma of every part, of everyday drifts, of the instruments' specified errors, and
+the difference between the lab's laws and the simulator's at nominal parts, which nobody can take for an effect.
+An effect that bends is a plane: its shifts at both ends of the range that labs draw from.
+
+None of it is known to the diagnosis, and nothing of the diagnosis is used here.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+
+from drivers.mocks.lab.hidden import HIDDEN, hide
+from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import Schedule, schedule, settle, survey
+from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
+from sim.effects.catalogue import CATALOGUE
+from sim.model import Model
+from sim.operating_points import Points
+from sim.simulate import simulate
+from sim.spread import everyday_spread
+
+Array = NDArray[np.float64]
+
+CHANNELS = (
+    "P1_W", "D0", "I_L_rms_A", "P_link1_W", "P_link2_W", "T_heatsink_C", "T_transformer_C", "T_inductor_C",
+)  # fmt: skip
+EFFICIENCY_ONLY = ("P1_W",)
+LEAST_SIGMA = 5.0
+POINTS = 100
+_LOADED = ("load", "reference")
+_EVERYDAY = {"duty_offset": 3e-4, "ambient_K_per_h": 0.1, "drift_share": 2e-3, "choke_drop": 0.01}
+_ROOT_3, _UPDATES = 3**0.5, 8
+# noise of one row, of reading: the input's and the output's (efficiency is judged), current, ac power
+_NOISE = {"P1_W": 1.4e-4, "I_L_rms_A": 2e-4, "P_link1_W": 4e-4, "P_link2_W": 4e-4}
+_RESOLUTION = {"D0": 1 / 2500 / 12**0.5, "T_heatsink_C": 0.1, "T_transformer_C": 0.1, "T_inductor_C": 0.1}
+
+
+def hideable() -> list[str]:
+    """Effects that are in the catalogue and that a lab can hide, in the catalogue's order."""
+    return [name for name in CATALOGUE if name in HIDDEN]
+
+
+def design(seed: int, points: int = POINTS) -> Schedule:
+    """The set points of a design, in random order with a reference every eight."""
+    D1, D2, power_W = random_set_points(points, np.random.default_rng([seed, 10])).T
+    return schedule(D1, D2, power_W, reference_every=REFERENCE_EVERY)
+
+
+def readings(table: pd.DataFrame) -> pd.Series:
+    """All finite readings of a table, by time and channel."""
+    idle = ~table["kind"].isin(_LOADED)
+    standby = table["kind"] == "standby"
+    values = table.set_index("time_s")[list(CHANNELS)]
+    values = values.mask(standby.to_numpy()[:, None] & (np.array(CHANNELS) != "P1_W"))
+    values.loc[idle.to_numpy(), "P_link2_W"] = np.nan  # nothing to be told from it without load
+    return pd.Series(values.stack().dropna())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """Whitened directions: a shift (M,), and the planes of effects (M, 2) by name."""
+
+    shift: Array
+    planes: Mapping[str, Array]
+
+    @property
+    def detectability(self) -> float:
+        """Sigmas of the shift against nothing at all."""
+        return float(np.linalg.norm(self.shift))
+
+    def beyond(self, names: Sequence[str]) -> float:
+        """Sigmas of the shift that these effects together cannot imitate."""
+        if not names:
+            return self.detectability
+        q, _ = np.linalg.qr(np.concatenate([self.planes[name] for name in names], axis=1))
+        return float(np.linalg.norm(self.shift - q @ (q.T @ self.shift)))
+
+    def rivals(self, own: Sequence[str], beside: Sequence[str] = ()) -> dict[str, float]:
+        """Isolability from every other effect, each with those ``beside`` it."""
+        others = [name for name in self.planes if name not in own]
+        return {name: self.beyond([name, *beside]) for name in others}
+
+    def tied(self, own: str) -> tuple[str, ...]:
+        """The effects that this shift cannot be told from, itself first."""
+        near = [name for name, sigma in self.rivals([own]).items() if sigma < LEAST_SIGMA]
+        return (own, *sorted(near))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reach:
+    """All directions of one design, by reading; ``sigma`` is the noise of each."""
+
+    index: "pd.Index[Any]"
+    sigma: Array
+    nuisance: Array
+    effects: Mapping[str, Array]
+
+    def sight(
+        self, shift: pd.Series, channels: Sequence[str] = CHANNELS, only: Sequence[str] | None = None
+    ) -> Sight:
+        """What can be seen of a shift, by the readings it has, in some channels; ``only`` these effects' planes."""
+        here = shift.reindex(self.index)
+        keep = here.notna().to_numpy() & self.index.get_level_values(1).isin(channels)
+        C = np.diag(self.sigma[keep] ** 2) + self.nuisance[:, keep].T @ self.nuisance[:, keep]
+        factor = cholesky(C, lower=True)
+
+        def white(rows: Array) -> Array:
+            return np.asarray(solve_triangular(factor, rows.T, lower=True))
+
+        wanted = self.effects if only is None else only
+        planes = {name: white(self.effects[name][:, keep]) for name in wanted}
+        return Sight(shift=white(here.to_numpy(dtype=float)[None, keep])[:, 0], planes=planes)
+
+
+@lru_cache(maxsize=8)
+def reach_of(seed: int, points: int = POINTS) -> Reach:
+    """The reach of a design, in a lab of nominal parts."""
+    return reach(design(seed, points))
+
+
+def reach(plan: Schedule, names: Sequence[str] | None = None) -> Reach:
+    """The reach of any schedule, among all effects or those named."""
+    lab = Laboratory.nominal().without_noise()
+    origin = settle(lab, plan)
+    base_table = survey(lab, plan, seed=0, samples=1, settled=origin)
+    base = readings(base_table)
+
+    def moved(other: Laboratory) -> Array:
+        near = settle(other, plan, origin)
+        there = readings(survey(other, plan, seed=0, samples=1, settled=near))
+        return np.asarray(np.nan_to_num((there.reindex(base.index) - base).to_numpy(dtype=float)))
+
+    nuisance = [moved(other) for other in _everyday(lab)]
+    nuisance += _instruments(base, base_table)
+    nuisance.append(_laws(base, base_table))
+    effects = {
+        name: np.stack([moved(hiding(lab, {name: value})) for value in entry.drawn])
+        for name, entry in ((name, HIDDEN[name]) for name in names or hideable())
+    }
+    return Reach(index=base.index, sigma=_noise(base), nuisance=np.stack(nuisance), effects=effects)
+
+
+def hiding(lab: Laboratory, values: Mapping[str, float]) -> Laboratory:
+    """A lab with catalogue effects hidden in it, everything else as it was."""
+    converter, quirks = hide(lab.converter, values, lab.quirks)
+    return replace(lab, converter=converter, quirks=quirks)
+
+
+def _everyday(lab: Laboratory) -> Iterator[Laboratory]:
+    """The lab with each part, drift and voltage off by one sigma."""
+    for spread in everyday_spread(lab.converter):
+        yield replace(lab, converter=spread.shifted(lab.converter, 1.0))
+    for name, sigma in _EVERYDAY.items():
+        yield replace(lab, quirks=replace(lab.quirks, **{name: sigma}))
+    share = 4e-4 * 3e-1 / _ROOT_3  # what a voltage reading may be off by, and nobody sees
+    yield replace(lab, errors=replace(lab.errors, output_sense=share))
+    yield replace(lab, errors=replace(lab.errors, supply_V=300.0 * share))
+
+
+def _of(base: pd.Series, *channels: str) -> Array:
+    return base.index.get_level_values(1).isin(channels).astype(float)
+
+
+def _instruments(base: pd.Series, table: pd.DataFrame) -> list[Array]:
+    """One-sigma directions of instruments inside the lab's specification."""
+    value = base.to_numpy(dtype=float)
+    P2_W = table.set_index("time_s")["P2_W"].reindex(base.index.get_level_values(0)).to_numpy(dtype=float)
+    input_W = _of(base, "P1_W")
+    loaded = input_W * (P2_W > 0)
+    found = [
+        input_W * value * 3e-4 / _ROOT_3,
+        input_W * 300.0 * 2.5e-3 / _ROOT_3,
+        loaded * P2_W * 3e-4 / _ROOT_3,
+        loaded * 140.0 * 5e-3 / _ROOT_3,
+    ]
+    for channel in ("P_link1_W", "P_link2_W"):
+        found += [_of(base, channel) * value * 2e-3 / _ROOT_3, _of(base, channel) * 1.0]
+    found.append(_of(base, "I_L_rms_A") * value * 2e-3 / _ROOT_3)
+    return found + [_of(base, sensor) * 0.3 for sensor in CHANNELS if sensor.startswith("T_")]
+
+
+def _laws(base: pd.Series, table: pd.DataFrame) -> Array:
+    """The lab's readings less the simulator's, both of nominal parts, at rows that carry load."""
+    loaded = table[table["kind"].isin(_LOADED)]
+    points = Points(D1=loaded["D1"].to_numpy(), D2=loaded["D2"].to_numpy(), power_W=loaded["P2_W"].to_numpy())
+    simulated = simulate(Model.baseline(), points)
+    columns = {channel: np.asarray(simulated[channel]) for channel in CHANNELS}
+    there = readings(loaded.assign(**columns))
+    return np.asarray(np.nan_to_num((base - there).reindex(base.index).to_numpy(dtype=float)))
+
+
+def _noise(base: pd.Series) -> Array:
+    """Standard deviation of one row's reading, the mean of eight updates."""
+    value = np.abs(base.to_numpy(dtype=float))
+    sigma = np.zeros(value.size)
+    for channel, share in _NOISE.items():
+        sigma += _of(base, channel) * np.maximum(value * share / _UPDATES**0.5, 1e-3)
+    for channel, resolution in _RESOLUTION.items():
+        sigma += _of(base, channel) * resolution
+    return sigma
+
+
+def shift_between(hiding_table: pd.DataFrame, plain_table: pd.DataFrame) -> pd.Series:
+    """What was hidden does to the readings of one lab: both tables have the same noise, which cancels."""
+    return (readings(hiding_table) - readings(plain_table)).dropna()

@@ -1,0 +1,227 @@
+"""Tied pairs: the diagnosis proposes measurements, the lab carries them out, and the diagnosis is asked again.
+
+Whether any measurements could separate a pair is computed from the truth: of a lattice over the whole design
+space, standby and no load, the ten rows that raise the pair's isolability most, one after the other.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import Schedule, schedule, survey
+from experiments.blind.answer import Answer
+from experiments.blind.draws import tied
+from experiments.blind.part import Outcome, Part, Run
+from experiments.blind.reach import CHANNELS, LEAST_SIGMA, Reach, reach, shift_between
+from experiments.blind.scoring import Share
+from experiments.blind.trial import BlindTrial, laboratory
+from experiments.harness.lab_data import random_set_points
+from experiments.harness.result import Table
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import diagnose
+
+TIED, MOST_ROWS = 120, 10
+_LATTICE_SEED, _LATTICE = 17, 120
+_COLUMNS = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency", "time_s", "T_ambient_C"]
+_SET_POINT = re.compile(r"D1\s*=\s*([0-9.]+).*?D2\s*=\s*([0-9.]+).*?([0-9.]+)\s*W\b")
+_WARMER = re.compile(r"warm the room by ([0-9.]+) K")
+_AFTER_S = 3600.0  # the proposed rows are another session
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proposal:
+    """What a proposed step asks for: a row for the bench, so often and so much warmer, or a missing channel.
+
+    Both are None for what this bench cannot do: swapping leads, another dead time, four wires.
+    """
+
+    plan: Schedule | None = None
+    repeats: int = 1
+    warmer_K: float = 0.0
+    channel: str | None = None
+
+
+def understood(step: Mapping[str, Any]) -> Proposal:
+    """A step as a bench would take it.
+
+    >>> understood({"action": "measure P_link1_W too"}).channel
+    'P_link1_W'
+    >>> understood({"action": "measure D1 = 0.820, D2 = 0.100, 900 W again"}).plan.power_W
+    array([900.])
+    """
+    action, repeats = str(step["action"]), int(step.get("repeats", 1))
+    missing = [name for name in CHANNELS[1:] if name in action]
+    if missing:
+        return Proposal(channel=missing[0])
+    words = action.lower().replace("-", "_").replace(" ", "_")
+    for kind in ("standby", "no_load"):
+        if kind in words:
+            one = schedule(np.array([0.8]), np.array([0.0]), np.array([200.0]), standby=1, no_load=1)
+            return Proposal(plan=_bare(one, kind), repeats=repeats)
+    warmer = _WARMER.search(action)
+    found = _SET_POINT.search(action)
+    if found is None or not (warmer or action.startswith("measure")):
+        return Proposal()
+    D1, D2, power_W = (np.array([float(text)]) for text in found.groups())
+    plan = _bare(schedule(D1, D2, power_W, standby=0, no_load=0), "load")
+    return Proposal(plan=plan, repeats=repeats, warmer_K=float(warmer[1]) if warmer else 0.0)
+
+
+def _bare(plan: Schedule, kind: str) -> Schedule:
+    """Only the rows of one kind."""
+    keep = plan.kind == kind
+    return Schedule(
+        D1=plan.D1[keep], D2=plan.D2[keep], power_W=plan.power_W[keep], kind=plan.kind[keep],
+        time_s=np.zeros(int(keep.sum())),
+    )  # fmt: skip
+
+
+@dataclass(slots=True)
+class Bench:
+    """A lab of which only powers are read, and the rows measured so far."""
+
+    trial: BlindTrial
+    table: pd.DataFrame
+    added: int = 0
+
+    @classmethod
+    def of(cls, trial: BlindTrial) -> "Bench":
+        """The first campaign: rows that carry load."""
+        table = survey(laboratory(trial), trial.plan, seed=trial.seed)
+        loaded = table[table["kind"].isin(("load", "reference"))]
+        return cls(trial, loaded[_COLUMNS])
+
+    def carry_out(self, step: Proposal) -> None:
+        """Measure its rows, as many as are left to measure."""
+        assert step.plan is not None
+        lab = laboratory(self.trial)
+        lab = replace(lab, quirks=replace(lab.quirks, warmer_K=step.warmer_K))
+        for _ in range(min(step.repeats, MOST_ROWS - self.added)):
+            self.added += 1
+            start_s = float(self.table["time_s"].max()) + _AFTER_S
+            later = replace(step.plan, time_s=step.plan.time_s + start_s)
+            more = survey(lab, later, seed=self.trial.seed + 1_000_000 * self.added)
+            self.table = pd.concat([self.table, more[_COLUMNS]], ignore_index=True)
+
+    def diagnosed(self) -> dict[str, Any]:
+        """The JSON answer to what was measured so far."""
+        return diagnose(load_measurements(self.table)).as_plain()
+
+
+def _settled(trial: BlindTrial, plain: dict[str, Any]) -> bool:
+    answer = Answer.of(plain, 0.0)
+    return answer.named == trial.names and answer.stated == trial.names
+
+
+def ask_tied(trial: BlindTrial) -> dict[str, Any]:
+    """Diagnose, do what it proposes, ten rows at most, and ask again."""
+    bench, channels = Bench.of(trial), list[str]()
+    plain = bench.diagnosed()
+    first = plain["verdict"]
+    while not _settled(trial, plain) and bench.added < MOST_ROWS:
+        proposals = [understood(step) for step in plain["next"]]
+        channels += [p.channel for p in proposals if p.channel]
+        feasible = [p for p in proposals if p.plan is not None]
+        if not feasible:
+            break
+        for step in feasible:
+            bench.carry_out(step)
+        plain = bench.diagnosed()
+    possible, needed = _possible(trial)
+    return {
+        "first": first,
+        "last": plain["verdict"],
+        "separated": _settled(trial, plain),
+        "rows": bench.added,
+        "channels": sorted(set(channels)),
+        "separable_sigma": possible,
+        "needed": needed,
+    }
+
+
+@lru_cache(maxsize=4)
+def _whole_space(design: int, points: int) -> tuple[Schedule, Reach]:
+    """A design followed by everything that could be measured, and the reach of both."""
+    base = BlindTrial(row="tied", seed=design, points=points).plan
+    D1, D2, power_W = random_set_points(_LATTICE, np.random.default_rng([_LATTICE_SEED, 10])).T
+    more = schedule(D1, D2, power_W, reference_every=10**9)
+    plan = base.followed_by(more)
+    return plan, reach(plan)
+
+
+def _possible(trial: BlindTrial) -> tuple[float, list[str]]:
+    """Isolability from the rival after the ten best rows, and the channels that would separate both at once."""
+    assert trial.design is not None
+    assert trial.rival is not None
+    plan, known = _whole_space(trial.design, trial.points)
+    labs = (laboratory(trial), Laboratory.draw(seed=trial.seed))
+    shift = shift_between(*(survey(lab, plan, seed=trial.seed) for lab in labs))
+    start_s = float(trial.plan.time_s[-1])
+    time_s = shift.index.get_level_values(0).to_numpy()
+    kind = pd.Series(plan.kind, index=plan.time_s).reindex(time_s).to_numpy()
+    channel = shift.index.get_level_values(1).to_numpy()
+    first = (time_s <= start_s) & np.isin(kind, ("load", "reference"))
+    chosen = first & (channel == "P1_W")
+    candidates = [int(k) for k in np.flatnonzero((time_s > start_s) & (channel == "P1_W"))]
+    sigma = _beyond(known, shift[chosen], trial.rival)
+    for _ in range(MOST_ROWS):
+        if sigma >= LEAST_SIGMA or not candidates:
+            break
+        trials = [(_beyond(known, shift[_with(chosen, c)], trial.rival), c) for c in candidates]
+        sigma, best = max(trials)
+        chosen = _with(chosen, best)
+        candidates.remove(best)
+    needed = [
+        name
+        for name in CHANNELS[1:]
+        if _beyond(known, shift[first & np.isin(channel, ("P1_W", name))], trial.rival) >= LEAST_SIGMA
+    ]
+    return sigma, needed
+
+
+def _with(chosen: np.ndarray, place: int) -> np.ndarray:
+    more = chosen.copy()
+    more[place] = True
+    return more
+
+
+def _beyond(known: Reach, shift: pd.Series, rival: str) -> float:
+    return known.sight(shift, only=(rival,)).beyond([rival])
+
+
+def _tied(run: Run) -> Outcome:
+    done = run.records(tied, TIED, ask_tied)
+    can = [r for _, r in done if r["separable_sigma"] >= LEAST_SIGMA]
+    cannot = [r for _, r in done if r["separable_sigma"] < LEAST_SIGMA]
+    goals = (
+        Share.of(r["separated"] for r in can).goal(
+            "tied: separated by 10 proposed rows at most, of those that can be", 90.0, at_least=True
+        ),
+        Share.of(bool(set(r["channels"]) & set(r["needed"])) for r in cannot).goal(
+            "tied: of the rest, 'needs channel X' is right", 95.0, at_least=True
+        ),
+    )
+    rows = []
+    for pair in dict.fromkeys((t.names[0], t.rival) for t, _ in done):
+        own = [r for t, r in done if (t.names[0], t.rival) == pair]
+        able = [r for r in own if r["separable_sigma"] >= LEAST_SIGMA]
+        spent = [r["rows"] for r in able if r["separated"]]
+        rows.append((
+            pair[0], pair[1], len(own), len(able), sum(r["separated"] for r in able),
+            float(np.median(spent)) if spent else None, _most_common([r["first"] for r in own]),
+        ))  # fmt: skip
+    columns = ("hidden", "rival", "trials", "can be separated", "separated", "rows, median", "first verdict")
+    return Outcome(goals=goals, tables=(Table(title="Tied pairs", columns=columns, rows=tuple(rows)),))
+
+
+def _most_common(words: Sequence[str]) -> str:
+    return max(set(words), key=words.count)
+
+
+TIED_PART = Part(name="tied", says="tied pairs with proposed measurements carried out", run=_tied)

@@ -1,0 +1,186 @@
+"""The parts that ask for a verdict: one effect, two, none, foreign ones, efficiency alone."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from experiments.blind.draws import efficiency_only, foreign, nothing, pairs, singles
+from experiments.blind.part import Outcome, Part, Run
+from experiments.blind.scoring import Scored, Share, judged, share
+from experiments.blind.trial import NOISES
+from experiments.harness.result import Cell, Table
+
+SINGLES, PAIRS, NOTHINGS, FOREIGNS, EFFICIENCY_ONLYS = 500, 300, 3000, 300, 300
+_BANDS = ((5.0, 10.0), (10.0, 30.0), (30.0, 100.0), (100.0, float("inf")))
+
+
+def _single(run: Run) -> Outcome:
+    scored = run.scored(singles, SINGLES)
+    goals = (
+        share(scored, lambda s: s.right_first).goal("single: right name first", 98.0, at_least=True),
+        share(scored, lambda s: s.stated).goal("single: in the stated group", 99.0, at_least=True),
+        share(scored, lambda s: s.wrong).goal("single: confidently wrong", 1.0, at_least=False),
+        share(scored, lambda s: s.unknown).goal("single: unknown", 2.0, at_least=False),
+    )
+    tables = (_by_effect("One hidden effect, by effect", scored), _by_sigma(scored))
+    return Outcome(
+        goals=goals, tables=(*tables, misses("One", scored, _found)), notes=notes("single", scored)
+    )
+
+
+def _pairs(run: Run) -> Outcome:
+    scored = run.scored(pairs, PAIRS)
+    goal = share(scored, lambda s: s.exact).goal("pairs: exact pair", 90.0, at_least=True)
+    wrong = share(scored, lambda s: s.wrong)
+    either = share(scored, lambda s: bool(set(s.said.stated) & set(s.trial.names)))
+    said = (
+        f"pairs: at least one of the two is stated in {either.hits} of {either.trials}, something that is not "
+        f"there in {wrong.hits}"
+    )
+    tables = (misses("Pairs", scored, lambda s: s.exact),)
+    return Outcome(goals=(goal,), tables=tables, notes=(*notes("pairs", scored), said))
+
+
+def _nothing(run: Run) -> Outcome:
+    scored = run.scored(nothing, NOTHINGS)
+    goals = (
+        share(scored, lambda s: s.wrong).goal("nothing hidden: false names", 0.1, at_least=False),
+        share(scored, lambda s: s.consistent).goal("nothing hidden: consistent", 90.0, at_least=True),
+    )
+    rows = [_noise_row(kind, [s for s in scored if s.trial.noise == kind]) for kind in NOISES]
+    columns = ("noise", "trials", "consistent", "false names", "unknown", "no answer")
+    table = Table(title="Nothing hidden, by noise", columns=columns, rows=tuple(rows))
+    return Outcome(
+        goals=goals,
+        tables=(table, misses("Nothing", scored, lambda s: s.consistent)),
+        notes=notes("nothing", scored),
+    )
+
+
+def _noise_row(kind: str, scored: Sequence[Scored]) -> tuple[Cell, ...]:
+    verdicts = Counter(s.said.verdict for s in scored)
+    wrong = sum(s.wrong for s in scored)
+    return kind, len(scored), verdicts["consistent"], wrong, verdicts["unknown"], verdicts["no answer"]
+
+
+def _foreign(run: Run) -> Outcome:
+    scored = run.scored(foreign, FOREIGNS)
+    goals = (
+        share(scored, lambda s: s.unknown).goal("foreign: unknown", 95.0, at_least=True),
+        share(scored, lambda s: s.wrong).goal("foreign: misnamed", 2.0, at_least=False),
+    )
+    return Outcome(
+        goals=goals,
+        tables=(_by_family(scored), misses("Foreign", scored, lambda s: s.unknown)),
+        notes=notes("foreign", scored),
+    )
+
+
+def _efficiency_only(run: Run) -> Outcome:
+    scored = run.scored(efficiency_only, EFFICIENCY_ONLYS)
+    stated = [s for s in judged(scored) if s.stated]
+    goals = (
+        share(scored, lambda s: s.stated).goal(
+            "efficiency only: right cause in the stated group", 99.0, at_least=True
+        ),
+        Share.of(len(s.said.stated) <= len(s.tied) for s in stated).goal(
+            "efficiency only: group no larger than the design's", 100.0, at_least=True
+        ),
+    )
+    return Outcome(
+        goals=goals,
+        tables=(
+            _by_effect("Efficiency only, by effect", scored),
+            misses("Efficiency only", scored, _found),
+        ),
+        notes=notes("efficiency only", scored),
+    )
+
+
+def _found(s: Scored) -> bool:
+    return s.stated and not s.wrong
+
+
+def _by_effect(title: str, scored: Sequence[Scored]) -> Table:
+    """Per hidden effect: how it went, and what it was most often taken for."""
+    rows = []
+    for name in dict.fromkeys(s.trial.names[0] for s in scored):
+        own = [s for s in scored if s.trial.names[0] == name]
+        seen = judged(own)
+        taken = Counter(s.said.first or s.said.verdict for s in seen if not s.stated)
+        rows.append((
+            name, len(seen), len(own) - len(seen), sum(s.right_first for s in seen),
+            sum(s.stated for s in seen), sum(s.wrong for s in seen), sum(s.unknown for s in seen),
+            sum(s.consistent for s in seen), ", ".join(f"{n} {k}" for n, k in taken.most_common(2)) or None,
+        ))  # fmt: skip
+    columns = (
+        "hidden", "trials", "excluded", "first", "stated", "wrong", "unknown", "consistent", "taken for",
+    )  # fmt: skip
+    return Table(title=title, columns=columns, rows=tuple(rows))
+
+
+def _by_family(scored: Sequence[Scored]) -> Table:
+    rows = []
+    for name in dict.fromkeys(s.trial.names[0] for s in scored):
+        own = [s for s in scored if s.trial.names[0] == name]
+        seen = judged(own)
+        verdicts = Counter(s.said.verdict for s in seen)
+        taken = Counter(s.said.first for s in seen if s.wrong)
+        rows.append((
+            name, len(seen), len(own) - len(seen), verdicts["unknown"], sum(s.wrong for s in seen),
+            verdicts["consistent"], ", ".join(f"{n} {k}" for n, k in taken.most_common(2)) or None,
+        ))  # fmt: skip
+    columns = ("family", "trials", "excluded", "unknown", "misnamed", "consistent", "taken for")
+    return Table(title="Not in the catalogue, by family", columns=columns, rows=tuple(rows))
+
+
+def _by_sigma(scored: Sequence[Scored]) -> Table:
+    rows = []
+    for low, high in _BANDS:
+        own = [s for s in judged(scored) if s.isolability is not None and low <= s.isolability < high]
+        label = f"{low:g} to {high:g}" if np.isfinite(high) else f"above {low:g}"
+        counts = (len(own), sum(s.right_first for s in own), sum(s.stated for s in own))
+        rows.append((label, *counts, sum(s.wrong for s in own), sum(s.unknown for s in own)))
+    columns = ("isolability, sigma", "trials", "first", "stated", "wrong", "unknown")
+    return Table(title="One hidden effect, by isolability", columns=columns, rows=tuple(rows))
+
+
+def misses(title: str, scored: Sequence[Scored], right: Callable[[Scored], bool]) -> Table:
+    """Every trial that did not go as it should."""
+    rows = []
+    for s in judged(scored):
+        if right(s):
+            continue
+        hidden = " + ".join(f"{name} = {value:.3g}" for name, value in s.trial.hidden) or "nothing"
+        probability = s.said.causes[0].probability if s.said.causes else None
+        rows.append((
+            hidden, s.trial.seed, s.isolability, s.said.verdict, ", ".join(s.said.stated) or None,
+            s.said.first, probability, s.said.unknown, s.said.refused or None,
+        ))  # fmt: skip
+    columns = (
+        "hidden", "seed", "isolability", "verdict", "stated", "first cause", "probability", "leftover", "refused",
+    )  # fmt: skip
+    return Table(title=f"{title}: all that went wrong", columns=columns, rows=tuple(rows))
+
+
+def notes(name: str, scored: Sequence[Scored]) -> tuple[str, ...]:
+    """Counts, seeds and processor time of a part."""
+    seen = judged(scored)
+    if not seen:
+        return (f"{name}: all of {len(scored)} trials were excluded",)
+    seeds, cpu_s = [s.trial.seed for s in scored], [s.said.cpu_s for s in seen]
+    left_out = len(scored) - len(seen)
+    return (
+        f"{name}: {len(seen)} trials scored, {left_out} excluded below 5 sigma, seeds {min(seeds)} to {max(seeds)}; "
+        f"a diagnosis took {np.median(cpu_s):.1f} s of processor time in the median, {max(cpu_s):.1f} s at most",
+    )
+
+
+VERDICT_PARTS = (
+    Part(name="single", says="one hidden effect", run=_single),
+    Part(name="pairs", says="two at once", run=_pairs),
+    Part(name="nothing", says="nothing hidden, four kinds of noise", run=_nothing),
+    Part(name="foreign", says="not in the catalogue", run=_foreign),
+    Part(name="efficiency_only", says="efficiency alone", run=_efficiency_only),
+)

@@ -1,0 +1,68 @@
+"""Blind trials: what the diagnosis finds, and what it says that is not there.
+
+Every trial is a virtual lab of its own: each part off by its everyday spread, instruments inside their
+specification, everyday drifts, rows that start warm from the row before, and something hidden. The diagnosis gets
+the measurement table and answers in JSON; truth is read only to score.
+
+Trials of one, two or foreign effects count where the truth itself says that they can be seen: at least five sigma
+of the hidden effect stand out of whatever could be mistaken for it, in what noise, tolerances and instruments
+leave. What that excludes is counted. ``--only`` runs some of the parts; finished trials are kept and not repeated.
+
+Seeds 200000 to 299999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
+"""
+
+from dataclasses import replace
+
+import drivers.mocks.lab
+import experiments.blind
+import experiments.harness.lab_data
+import models
+import sim
+from experiments.blind.calibration import COVERAGE_PART
+from experiments.blind.extension import EXTENSION_PART
+from experiments.blind.part import Outcome, Part, Run
+from experiments.blind.seeds import SCORING, TUNING, Seeds
+from experiments.blind.surrogates import SURROGATE_PART
+from experiments.blind.tied import TIED_PART
+from experiments.blind.verdicts import VERDICT_PARTS
+from experiments.harness.journal import Journal, code_hash
+from experiments.harness.registry import Experiment
+from experiments.harness.result import Result
+from experiments.harness.settings import Settings
+
+PARTS: tuple[Part, ...] = (*VERDICT_PARTS, COVERAGE_PART, TIED_PART, EXTENSION_PART, SURROGATE_PART)
+NAMES = tuple(part.name for part in PARTS)
+
+
+def run_with(seeds: Seeds, settings: Settings) -> Result:
+    """Run the chosen parts with one range of seeds."""
+    code = code_hash(sim, models, drivers.mocks.lab, experiments.harness.lab_data, experiments.blind)
+    journal = Journal(path=settings.out / f"blind_trials_{seeds.said}.jsonl", code=code)
+    run = Run(settings=settings, seeds=seeds, journal=journal)
+    chosen = [part for part in PARTS if not settings.only or part.name in settings.only]
+    outcomes = [part.run(run) for part in chosen]
+    result = _joined(outcomes)
+    left = [part.name for part in PARTS if part not in chosen]
+    said = (*result.notes, f"{SCORING}; {TUNING}", *([f"not run: {', '.join(left)}"] if left else []))
+    return replace(result, notes=said)
+
+
+def _joined(outcomes: list[Outcome]) -> Result:
+    """All parts' goals, tables and notes in their order."""
+    return Result(
+        virtual=True,
+        goals=tuple(goal for outcome in outcomes for goal in outcome.goals),
+        tables=tuple(table for outcome in outcomes for table in outcome.tables),
+        notes=(
+            *(note for outcome in outcomes for note in outcome.notes),
+            "intervals are 95 % of Clopper and Pearson unless told",
+        ),
+    )
+
+
+def run(settings: Settings) -> Result:
+    """The table, with the seeds that are scored."""
+    return run_with(SCORING, settings)
+
+
+EXPERIMENT = Experiment(title="Blind trials of the diagnosis", run=run, parts=NAMES)

@@ -1,0 +1,238 @@
+"""The plan of the blind trials, what the truth says of them, and one of each kind from lab to verdict."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drivers.mocks.lab.foreign.families import FOREIGN
+from drivers.mocks.lab.hidden import HIDDEN
+from drivers.mocks.lab.laboratory import Laboratory
+from experiments.blind import reach as reach_module
+from experiments.blind import trial as blind_trial
+from experiments.blind.answer import NO_ANSWER, Answer
+from experiments.blind.draws import (
+    coverage,
+    efficiency_only,
+    extension,
+    foreign,
+    nothing,
+    pairs,
+    singles,
+    tied,
+)
+from experiments.blind.reach import hideable
+from experiments.blind.scoring import Scored
+from experiments.blind.seeds import ROWS, SCORING, TUNING
+from experiments.blind.surrogates import campaign
+from experiments.blind.tied import understood
+from experiments.blind.trial import HEAVY, NOISES, UNDERSTATED, BlindTrial, ask, measured
+from experiments.blind_trials import NAMES
+from experiments.harness.lab_data import measured_table, random_set_points
+from sim.effects.catalogue import CATALOGUE
+from sim.model import Model
+from sim.simulate import Points, simulate
+from sim.spread import everyday_spread
+
+DRAWS = {"single": singles, "pairs": pairs, "nothing": nothing, "foreign": foreign, "coverage": coverage,
+         "efficiency_only": efficiency_only, "tied": tied, "extension": extension}  # fmt: skip
+MANY = 60
+
+
+# --- the plan -----------------------------------------------------------------------------------------
+
+
+def test_every_row_of_the_table_has_seeds_and_a_part() -> None:
+    assert set(NAMES) == set(ROWS)
+
+
+@pytest.mark.parametrize("row", DRAWS)
+def test_no_seed_is_used_twice_and_none_for_both_tuning_and_scoring(row: str) -> None:
+    scored, tuned = ([t.seed for t in islice(DRAWS[row](seeds), MANY)] for seeds in (SCORING, TUNING))
+    assert len({*scored, *tuned}) == 2 * MANY
+    assert min(scored) >= 200_000 > max(tuned) >= 100_000
+
+
+@pytest.mark.parametrize("row", DRAWS)
+def test_a_trial_is_the_same_each_time(row: str) -> None:
+    first, again = ([t.key for t in islice(DRAWS[row](TUNING), 3)] for _ in range(2))
+    assert first == again
+    assert len(set(first)) == 3
+
+
+def test_singles_walk_the_catalogue_with_values_of_the_labs_ranges() -> None:
+    trials = list(islice(singles(TUNING), MANY))
+    assert {t.names[0] for t in trials} == set(hideable())
+    for t in trials:
+        low, high = HIDDEN[t.names[0]].drawn
+        assert low <= t.hidden[0][1] <= high
+
+
+def test_foreign_trials_walk_all_families() -> None:
+    assert {t.names[0] for t in islice(foreign(TUNING), MANY)} == set(FOREIGN)
+
+
+def test_pairs_are_two_different_effects() -> None:
+    assert all(len(set(t.names)) == 2 for t in islice(pairs(TUNING), MANY))
+
+
+def test_effects_of_the_prior_are_mostly_single_and_inside_their_bounds() -> None:
+    trials = list(islice(coverage(TUNING), 400))
+    counted = Counter(len(t.names) for t in trials)
+    assert counted[1] == pytest.approx(300, abs=35)  # four sigmas of 400 draws
+    for name, value in (hidden for t in trials for hidden in t.hidden):
+        assert CATALOGUE[name].headline.lower <= value <= CATALOGUE[name].headline.upper
+
+
+def test_nothing_is_tried_with_every_kind_of_noise() -> None:
+    assert Counter(t.noise for t in islice(nothing(TUNING), 40)) == dict.fromkeys(NOISES, 10)
+
+
+@pytest.mark.parametrize("size", [40, 400])
+def test_a_campaign_of_the_surrogates_has_so_many_loaded_rows(size: int) -> None:
+    assert np.isin(campaign(size).kind, ("load", "reference")).sum() == size
+
+
+# --- what is measured ---------------------------------------------------------------------------------
+
+
+def test_set_points_are_feasible_and_the_reference_has_power_to_spare() -> None:
+    points = random_set_points(4, np.random.default_rng(8))  # whose first feasible point has none to spare
+    points[0, 2] *= 1.12
+    D1, D2, power_W = points.T
+    assert simulate(Model.baseline(), Points(D1=D1, D2=D2, power_W=power_W)).feasible.all()
+
+
+def test_a_campaign_has_idle_rows_first_and_a_reference_every_eight() -> None:
+    table = measured_table(Laboratory.draw(seed=7), 24, seed=7)
+    kinds = table["kind"].tolist()
+    assert kinds[:5] == ["standby", "standby", "no_load", "no_load", "reference"]
+    assert kinds.count("reference") == 3
+
+
+def scatter(noise: str, kind: str) -> np.ndarray:
+    """Readings of the input power less those of the same lab without noise, in parts of the reading."""
+    trial = BlindTrial(row="nothing", seed=100_001, noise=noise, points=120)
+    table, quiet = measured(trial), measured_quietly(trial)
+    chosen = table["kind"] == kind
+    return ((table["P1_W"] - quiet["P1_W"]) / quiet["P1_W"])[chosen].to_numpy(dtype=float)
+
+
+def measured_quietly(trial: BlindTrial) -> pd.DataFrame:
+    lab = Laboratory.draw(seed=trial.seed).without_noise()
+    return blind_trial.survey(lab, trial.plan, seed=trial.seed)
+
+
+def test_under_stated_noise_is_larger_where_it_is_not_judged() -> None:
+    loads, references = scatter(UNDERSTATED, "load"), scatter(UNDERSTATED, "reference")
+    assert np.std(loads) / np.std(references) > 1.2  # 1.5 by construction; 15 references
+
+
+def test_heavy_tails_are_no_more_than_another_draw_of_the_same_lab() -> None:
+    trial = BlindTrial(row="nothing", seed=100_001, noise=HEAVY)
+    assert blind_trial.laboratory(trial).errors.tail == 3.0
+    assert blind_trial.laboratory(trial).converter == Laboratory.draw(seed=100_001).converter
+
+
+# --- what can be told apart ---------------------------------------------------------------------------
+
+
+RIVALS = ("auxiliary_power", "analyzer_offset", "gate_delay_skew", "core_loss_transformer")
+PLACE = BlindTrial(row="single", seed=100_003, design=195_000, points=12)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_reach() -> Iterator[None]:
+    """The reach of one small design among four effects and the first ten parts: the whole one takes long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reach_module, "everyday_spread", lambda converter: everyday_spread(converter)[:10])
+        known = reach_module.reach(PLACE.plan, RIVALS)
+        patch.setattr(blind_trial, "reach_of", lambda seed, points: known)
+        yield
+
+
+@pytest.fixture(scope="module")
+def sighted(small_reach: None) -> dict[str, blind_trial.Sight]:
+    """What one small design can see of three things, and of the same in efficiency alone."""
+    found = {}
+    for name, value in (("auxiliary_power", 5.0), ("gate_delay_skew", 1e-7), ("dc_link_esr", 0.4)):
+        for alone in (False, True):
+            one = replace(PLACE, hidden=((name, value),), efficiency_only=alone)
+            found[name + " alone" * alone] = blind_trial.sight_of(one, measured(one))
+    return found
+
+
+def test_efficiency_alone_ties_auxiliary_power_to_the_analyzers_offset(
+    sighted: dict[str, blind_trial.Sight],
+) -> None:
+    assert "analyzer_offset" in sighted["auxiliary_power alone"].tied("auxiliary_power")
+    assert "analyzer_offset" not in sighted["auxiliary_power"].tied("auxiliary_power")
+
+
+def test_efficiency_alone_does_not_see_a_skew_and_d0_does(sighted: dict[str, blind_trial.Sight]) -> None:
+    assert sighted["gate_delay_skew alone"].detectability < 1.0
+    assert sighted["gate_delay_skew"].detectability > 5.0
+
+
+def test_a_foreign_effect_stands_out_of_the_whole_catalogue(sighted: dict[str, blind_trial.Sight]) -> None:
+    sight = sighted["dc_link_esr"]
+    assert 5.0 < sight.beyond(list(sight.planes)) < sight.detectability
+
+
+# --- trials -------------------------------------------------------------------------------------------
+
+
+def test_what_cannot_be_seen_is_excluded_and_not_diagnosed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blind_trial, "answered", lambda table: pytest.fail("diagnosed all the same"))
+    small = (("auxiliary_power", 0.01),)
+    record = ask(replace(PLACE, hidden=small))
+    assert record["excluded"]
+    assert record["isolability"] < 5.0
+
+
+def test_a_hidden_link_resistance_is_found_and_the_same_seed_says_the_same() -> None:
+    hidden = (("link_resistance", 0.12),)
+    trial = BlindTrial(row="single", seed=100_005, hidden=hidden, points=16)
+    first, second = ask(trial), ask(trial)
+    scored = Scored.of(trial, first)
+    assert scored.right_first
+    assert scored.said.cause("link_resistance") is not None
+    first["answer"]["cpu_s"] = second["answer"]["cpu_s"] = 0.0
+    assert first == second
+
+
+def test_a_diagnosis_that_gives_up_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gives_up(_: object) -> None:
+        raise ValueError("too few rows")
+
+    monkeypatch.setattr(blind_trial, "diagnose", gives_up)
+    record = ask(BlindTrial(row="nothing", seed=100_005, points=4))
+    answer = Answer.from_plain(record["answer"])
+    assert (answer.verdict, answer.refused) == (NO_ANSWER, "ValueError: too few rows")
+
+
+@pytest.mark.parametrize(
+    ("action", "kind", "warmer_K"),
+    [
+        ("standby", "standby", 0.0),
+        ("no_load", "no_load", 0.0),
+        ("measure D1 = 0.8, D2 = 0.1, 900 W", "load", 0.0),
+        ("warm the room by 15 K and measure D1 = 0.8, D2 = 0.1, 900 W", "load", 15.0),
+    ],
+)
+def test_a_proposed_step_becomes_a_row(action: str, kind: str, warmer_K: float) -> None:
+    step = understood({"action": action, "repeats": 2})
+    assert step.plan is not None
+    assert (step.plan.kind.tolist(), step.repeats, step.warmer_K) == ([kind], 2, warmer_K)
+
+
+def test_a_missing_channel_is_understood_and_what_this_bench_cannot_do_is_left() -> None:
+    said = (
+        "no point will do with the channels measured: measure P_link1_W too; measure D1 = 0.8, D2 = 0.1, 90 W"
+    )
+    assert understood({"action": said}).channel == "P_link1_W"
+    assert understood({"action": "swap the two elements at D1 = 0.8, D2 = 0.1, 900 W"}).plan is None
