@@ -51,9 +51,12 @@ _MEASURED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settling:
-    """How long the circuit runs: periods to settle, periods that are measured, the longest step."""
+    """How long the circuit runs: periods to settle, periods that are measured, the longest step.
 
-    settle_periods: int = 20
+    Forty periods of the prototype are three of its time constants L/R and more.
+    """
+
+    settle_periods: int = 40
     measured_periods: int = 2
     longest_step_s: float = 50e-9
 
