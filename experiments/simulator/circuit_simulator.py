@@ -57,7 +57,8 @@ def ngspice_findings(per_point_s: float, settings: Settings) -> Findings:
     ratio = float(np.median(used_s or [np.nan])) / per_point_s
     said = f"worst of {len(points)} points, {light} at light load"
     columns = (
-        "D1", "D2", "W", "rms, %", "conduction, %", "P2, %", "unsettled, %", "mean current, A", "processor s", "failure",
+        "D1", "D2", "W", "rms, %", "conduction, %", "P2, %", "unsettled, %", "mean current, A", "processor s",
+        "failure",
     )  # fmt: skip
     return Findings(
         goals=_goals(worst_rms, worst_loss, ratio, said),
