@@ -84,6 +84,8 @@ def netlist(model: Model, points: Points, settling: Settling | None = None) -> s
             f"a netlist of a three-level primary is written for {', '.join(CLAMPED)} modulation; "
             f"this model is driven by {converter.modulation}"
         )
+    if converter.inductor.saturates:
+        raise ParameterError("a netlist's inductor is linear; this model's saturates (inductor_saturation)")
     writer = _Writer(solved=solve_points(model, points), settling=settling or Settling())
     return "\n".join(writer.lines()) + "\n"
 
