@@ -1,118 +1,58 @@
 """The campaign engine: runs a plan on a bench, stores every step, and leaves the bench off.
 
-A campaign and each of its points move along one table of transitions; anything else is an error.
-For every point the simulator's prediction is stored before the point is set. Whatever goes wrong, the
-power goes off first, then it is recorded, then it is raised.
+A campaign and each of its points move along one table of transitions (``bench.states``); anything else is an
+error. For every point the simulator's prediction is stored before the point is set. Whatever goes wrong, the power
+goes off first, then it is recorded, then it is raised. A campaign that stopped, however it stopped, goes on from
+the ledger: what was accepted or rejected stays, what had begun is measured anew.
 """
 
 import time
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from datetime import datetime
-from enum import StrEnum
 
 import numpy as np
 import pandas as pd
+from sqlalchemy import RowMapping
 
-from bench.config import BenchConfig, CampaignConfig, config_hash
-from bench.errors import Aborted, BenchUnsafe, OutputLost, StateError
-from bench.instruments import Bench, Sample, open_bench
-from bench.measure import Measurement, Target, measure, rejected, settle
-from bench.plan import Kind, Plan, PlannedPoint, make_plan
-from bench.prediction import Asked, Forecast, Predictor, SimulatedConverter
+from bench.config import BenchConfig
+from bench.errors import Aborted, BenchUnsafe, StateError, StoreError
+from bench.instruments import Bench, open_bench
+from bench.job import CampaignOutcome, Job, planned
+from bench.leftovers import switch_off_leftovers
+from bench.log import about, log
+from bench.plan import Kind
+from bench.point import Campaign, PointRunner
+from bench.prediction import Asked
+from bench.process import Owner
 from bench.progress import Progress, Tracker, silent
+from bench.reporting import Reporter
 from bench.safety import PowerOffReport
-from bench.store import Provenance, Store, StoredReading
+from bench.states import STOPPED, State, check_transition
+from bench.store import BenchState, Row, Session, Store
 from drivers.clock import Clock
 
-ASK_EVERY_S = 2.0  # of the clock: how often a request of the operator is looked for
+ASK_EVERY_S = 0.5  # of the clock: how often a request of the operator is looked for
 WAIT_STEP_S = 5.0  # of the clock: how long a wait goes on before requests are looked for
 
-MOST_LOST = 3  # set points in a row whose output could not be held: then something else is wrong
+OFF_TRIES = 3  # a signal may interrupt a power-off; it is then begun again
 
-
-class State(StrEnum):
-    """Where a campaign stands."""
-
-    PLANNED = "planned"
-    WAITING = "waiting"  # for its time
-    CHECKING = "checking"
-    RUNNING = "running"
-    PAUSED = "paused"  # bench off, the operator will say when
-    DONE = "done"
-    ABORTED = "aborted"
-    FAILED = "failed"
-    UNSAFE = "unsafe"  # ended, and the bench could not be seen off
-
-
-_ENDS = frozenset({State.ABORTED, State.FAILED, State.UNSAFE})
-TRANSITIONS: Mapping[State, frozenset[State]] = {
-    State.PLANNED: frozenset({State.WAITING, State.CHECKING}) | _ENDS,
-    State.WAITING: frozenset({State.CHECKING}) | _ENDS,
-    State.CHECKING: frozenset({State.RUNNING}) | _ENDS,
-    State.RUNNING: frozenset({State.PAUSED, State.DONE}) | _ENDS,
-    State.PAUSED: frozenset({State.CHECKING}) | _ENDS,
-    State.DONE: frozenset(),
-    State.ABORTED: frozenset(),
-    State.FAILED: frozenset(),
-    State.UNSAFE: frozenset(),
-}
-
-
-class PointState(StrEnum):
-    """Where a point stands; the order is the only one there is."""
-
-    PREDICTED = "predicted"
-    SET = "set"
-    SETTLED = "settled"  # or out of time: the row's ``settled`` tells
-    MEASURED = "measured"
-    ACCEPTED = "accepted"
-    REJECTED = "rejected"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """A campaign, the bench it runs on, its plan, and who predicts."""
-
-    campaign: CampaignConfig
-    bench: BenchConfig
-    plan: Plan
-    predict: Predictor
-
-    @classmethod
-    def prepare(
-        cls,
-        campaign: CampaignConfig,
-        bench: BenchConfig,
-        *,
-        predict: Predictor | None = None,
-        file: str = "campaign.toml",
-    ) -> "Job":
-        """Plan the campaign; InputError names ``file`` and what is wrong with its points."""
-        predict = predict or SimulatedConverter.of(bench.converter)
-        return cls(
-            campaign=campaign,
-            bench=bench,
-            plan=make_plan(campaign, bench, predict, file=file),
-            predict=predict,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CampaignOutcome:
-    """How a campaign that reached its last point ended."""
-
-    campaign_id: int
-    accepted: int
-    rejected: int
-    settled: int
-    power_off: PowerOffReport
-    bench_seconds: float  # on the bench's clock
-    real_seconds: float
-
+__all__ = ["CampaignOutcome", "Job", "measurement_table", "resume_campaign", "run_campaign"]
 
 OpenBench = Callable[[BenchConfig, Clock], AbstractContextManager[Bench]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """How to reach the bench, how to switch it off when nobody runs it, and what day it is."""
+
+    connect: OpenBench = open_bench
+    make_safe: Callable[[BenchConfig, Clock], PowerOffReport] = switch_off_leftovers
+    today: Callable[[], datetime] = datetime.now
+
+
+REAL = Surroundings()
 
 
 def run_campaign(
@@ -121,18 +61,61 @@ def run_campaign(
     clock: Clock,
     *,
     progress: Callable[[Progress], None] = silent,
-    connect: OpenBench = open_bench,
-    today: Callable[[], datetime] = datetime.now,
+    around: Surroundings = REAL,
+    key: str | None = None,
 ) -> CampaignOutcome:
     """Run ``job`` to its last point; the bench is off when this returns, and when it raises.
 
+    A campaign asked for under a ``key`` is made once: asked for again, it goes on where it stopped.
+
     Raises
     ------
-    CampaignStopped : a limit was reached, or the operator asked.
-    InstrumentError : an instrument, or the link to it, failed.
-    BenchUnsafe : the bench could not be seen off; the cause is attached.
+    CampaignStopped, InstrumentError, StoreError : ended early, and the bench was seen off.
+    BenchTaken : another campaign has the bench; nothing was switched.
+    BenchUnsafe : some part of the bench could not be seen off, or UNSAFE is latched.
     """
-    return _Run(job, store, clock, Tracker(job.plan.points, clock, progress)).run(connect, today)
+    store.benches.refuse(job.bench.name)
+    campaign_id = store.create_campaign(
+        job.campaign.name, job.provenance(key), job.plan.points, said=job.plan.said()
+    )
+    if store.campaign(campaign_id)["shown"] is not State.PLANNED:
+        stored = Job.stored(store, store.campaign(campaign_id), bench=job.bench, predict=job.predict)
+        return resume_campaign(campaign_id, store, clock, job=stored, progress=progress, around=around)
+    tracker = Tracker(job.plan.points, clock, progress)
+    return _Run(job, store, clock, campaign_id, tracker, around).run(State.PLANNED)
+
+
+def resume_campaign(
+    campaign_id: int,
+    store: Store,
+    clock: Clock,
+    *,
+    job: Job | None = None,
+    progress: Callable[[Progress], None] = silent,
+    around: Surroundings = REAL,
+) -> CampaignOutcome:
+    """Let a campaign that stopped go on from the ledger; raises as ``run_campaign``, and StateError.
+
+    ``job`` is that of ``Job.stored``, by default with the settings of before.
+    """
+    row = store.campaign(campaign_id)
+    if row["shown"] not in STOPPED and not _forsaken(store, row):
+        raise StateError(f"campaign {campaign_id} is {row['shown']}: there is nothing to resume")
+    job = job or Job.stored(store, row)
+    store.benches.refuse(job.bench.name, campaign_id)
+    tracker = Tracker(job.plan.points, clock, progress)
+    run = _Run(job, store, clock, campaign_id, tracker, around)
+    run.take_over(State(row["state"]))
+    return run.run(State.CHECKING)
+
+
+_RUNNING: set[tuple[str, int]] = set()  # campaigns that this process runs now, by database
+
+
+def _forsaken(store: Store, row: Row) -> bool:
+    """Whether this process ran the campaign and does so no more: its database failed at the end."""
+    mine = Owner.stored(row) == Owner.here()
+    return bool(row["is_live"]) and mine and (store.url, row["id"]) not in _RUNNING
 
 
 def measurement_table(store: Store, outcome: CampaignOutcome) -> pd.DataFrame:
@@ -141,200 +124,217 @@ def measurement_table(store: Store, outcome: CampaignOutcome) -> pd.DataFrame:
 
 
 class _Run:
-    """One run of one job."""
+    """One run of one job, from its start or from where it stopped."""
 
-    def __init__(self, job: Job, store: Store, clock: Clock, tracker: Tracker) -> None:
-        self.job, self.store, self.clock, self.tracker = job, store, clock, tracker
+    def __init__(
+        self, job: Job, store: Store, clock: Clock, campaign_id: int, tracker: Tracker, around: Surroundings
+    ) -> None:
+        self.job, self.store, self.clock, self.id = job, store, clock, campaign_id
+        self.tracker, self.around = tracker, around
+        self.owner = Owner.here()
         self.state = State.PLANNED
+        self.before_s = store.time_s(campaign_id)  # campaign time of earlier sessions
         self.start_s = clock.now()
         self.asked_s = -np.inf
         self.request: str | None = None
         self.settled = 0
-        self.lost_in_a_row = 0
-        self.id = store.create_campaign(
-            job.campaign.name,
-            Provenance(
-                config={
-                    "campaign": job.campaign.model_dump(mode="json"),
-                    "bench": job.bench.model_dump(mode="json"),
-                },
-                config_hash=config_hash(job.campaign, job.bench),
-                virtual=job.bench.virtual,
-            ),
-            planned=len(job.plan.points),
-            state=self.state,
+        self.session_id: int | None = None
+        self.reporter = Reporter(store, campaign_id, self._time_s)
+        self.campaign = Campaign(
+            id=campaign_id,
+            job=job,
+            store=store,
+            tracker=tracker,
+            reporter=self.reporter,
+            time_s=self._time_s,
+            began_s=self.start_s - self.before_s,
+            attend=self._attend,
         )
-        store.note(self.id, "plan", detail=job.plan.said())
+
+    def take_over(self, stored: State) -> None:
+        """Make a stopped campaign our own; rows that were measured and not judged are judged now."""
+        check_transition(State.INTERRUPTED if stored not in STOPPED else stored, State.CHECKING)
+        judge = PointRunner(self.campaign, None)
+        for row in self.store.take_over(self.id, stored, owner=self.owner):
+            judge.judge_stored(row)
+        counts = self.store.campaign(self.id)
+        self.tracker.accepted, self.tracker.rejected = counts["accepted"], counts["rejected"]
 
     # --- the campaign -------------------------------------------------------------------------------
 
-    def run(self, connect: OpenBench, today: Callable[[], datetime]) -> CampaignOutcome:
+    def run(self, state: State) -> CampaignOutcome:
         started = time.perf_counter()
+        self.state = state
+        mark = (self.store.url, self.id)
+        _RUNNING.add(mark)
         try:
-            self._wait_for_start(today)
-            self._move(State.CHECKING)
-            opened = connect(self.job.bench, self.clock)
-            with opened as bench:
-                report = self._on(bench)
+            with about(campaign=self.id):
+                self._begin_session()
+                self._wait_for_start()
+                if self.state is not State.CHECKING:
+                    self._move(State.CHECKING)
+                report = self._owning_the_bench()
         except BaseException as error:
-            if self.state not in _ENDS:  # nothing was switched on
-                self._end(_end_state(error), "nothing was switched on", error)
+            if self.state in (State.PLANNED, State.WAITING, State.CHECKING):  # nothing was switched on
+                with suppress(StoreError):  # the error that comes first is the one to tell
+                    self._end(_end_state(error), "nothing was switched on", error)
             raise
+        finally:
+            _RUNNING.discard(mark)
         return CampaignOutcome(
             campaign_id=self.id,
             accepted=self.tracker.accepted,
             rejected=self.tracker.rejected,
             settled=self.settled,
             power_off=report,
-            bench_seconds=self._time_s(),
+            bench_seconds=self.clock.now() - self.start_s,
             real_seconds=time.perf_counter() - started,
         )
 
-    def _on(self, bench: Bench) -> PowerOffReport:
-        """Everything between the first contact and the bench seen off."""
+    def _begin_session(self) -> None:
+        job = self.job
+        session = Session(
+            campaign_id=self.id,
+            seed=job.campaign.seed,
+            config_hash=job.provenance().config_hash,
+            bench=job.bench.settings(),
+            offset_s=self.before_s,
+        )
+        self.session_id = self.store.begin_session(session, owner=self.owner)
+
+    def _owning_the_bench(self) -> PowerOffReport:
+        """Nobody else may switch this bench while we do; what a dead campaign left on goes off first."""
+        config, benches = self.job.bench, self.store.benches
+        found = benches.take(config.name, virtual=config.virtual, campaign_id=self.id, owner=self.owner)
         try:
-            self._measure_all(bench)
-        except BaseException as error:
-            self._make_safe(bench, error)
-            raise
-        report = bench.power_off()
+            if found is not None and found.state in (BenchState.UNCONFIRMED, BenchState.ON):
+                self._switch_off_leftovers()
+            with self.around.connect(config, self.clock) as bench:
+                return self._on(bench)
+        finally:
+            with suppress(StoreError):  # then it stays ours until this process ends
+                benches.release(config.name, self.id)
+
+    def _switch_off_leftovers(self) -> None:
+        report = self.around.make_safe(self.job.bench, self.clock)
+        self.store.note(self.id, "left on by a campaign that died", time_s=self._time_s(), detail=str(report))
+        self.campaign.note_bench(report)
         if not report.safe:
             self._end(State.UNSAFE, str(report), None)
             raise BenchUnsafe(str(report))
-        self._end(State.DONE, str(report), None)
+
+    def _on(self, bench: Bench) -> PowerOffReport:
+        """Everything between the first contact and the bench seen off."""
+        error: BaseException | None = None
+        try:
+            self._measure_all(bench)
+        except BaseException as raised:  # noqa: BLE001  the safety layer: made safe, recorded, raised again
+            error = raised
+        report = _seen_off(bench)
+        self.reporter.moment("off" if report.safe else "unsafe", faults=(str(error),) if error else ())
+        if not report.safe:
+            said = f"{report}; after: {error}" if error else str(report)
+            self._record_end(report, State.UNSAFE, error, BenchUnsafe(said))
+        elif error is not None:
+            self._record_end(report, _end_state(error), error, error)
+        else:
+            self._record_end(report, State.DONE, None, None)
         return report
 
-    def _make_safe(self, bench: Bench, error: BaseException) -> None:
-        """Power off, then record; what could not be seen off outranks what caused it."""
-        report = bench.power_off()
+    def _record_end(
+        self,
+        report: PowerOffReport,
+        state: State,
+        error: BaseException | None,
+        raised: BaseException | None,
+    ) -> None:
+        """Write how it ended, then raise what there is to raise: a database that fails hides nothing."""
         try:
-            self._end(_end_state(error) if report.safe else State.UNSAFE, str(report), error)
-        finally:
-            if not report.safe:
-                raise BenchUnsafe(f"{report}; after: {error}") from error
+            self.campaign.note_bench(report)
+            self._end(state, str(report), error)
+        except StoreError as lost:
+            said = f"the bench was seen off ({report}), but that could not be recorded: {lost}"
+            log.error("end of campaign not recorded", extra={"detail": str(lost)})
+            self.state = state
+            if report.safe:
+                raise StoreError(f"{said}; before that: {error}" if error else said) from (error or lost)
+        if raised is not None:
+            raise raised from (error if raised is not error else error.__cause__ if error else None)
 
     def _measure_all(self, bench: Bench) -> None:
-        self.store.identify(self.id, bench.check())
+        self.reporter.attach(bench.links)
+        self.reporter.moment("checking")
+        assert self.session_id is not None
+        self.store.identify(self.id, self.session_id, bench.check())
         bench.configure()
-        forecast = self._forecast(bench.beat().T_ambient_C)
-        bench.power_up()
+        rows = self.store.unfinished(self.id)
+        predicted = self._predictions(rows, bench.beat().T_ambient_C)
+        self.campaign.power_up(bench)
         self._move(State.RUNNING)
-        for index, row in enumerate(self.job.plan.points):
+        points = PointRunner(self.campaign, self.session_id)
+        for row in rows:
             self._attend()
             if self.request == "pause":
                 self._pause(bench)
-            self._point(bench, row, forecast.row(index))
+            with about(point=row["point"]):
+                points.run(bench, planned(row), int(row["id"]), predicted[row["id"]])
+            self.settled = points.settled
 
-    def _forecast(self, ambient_C: float) -> Forecast:
-        points = self.job.plan.points
-        asked = np.array([(row.D1, row.D2, row.power_W) for row in points], dtype=float).reshape(-1, 3)
-        D1, D2, power_W = asked.T
-        pwm = np.array([row.kind is not Kind.STANDBY for row in points])
-        return self.job.predict(Asked(D1=D1, D2=D2, power_W=power_W, ambient_C=ambient_C, pwm=pwm))
+    def _predictions(self, rows: Sequence[RowMapping], ambient_C: float) -> dict[int, float]:
+        """Predicted efficiency by point id; points that have none yet are simulated, and stored."""
+        waiting = [row for row in rows if not row["predicted"]]
+        if waiting:
+            points = [planned(row) for row in waiting]
+            asked = np.array([(row.D1, row.D2, row.power_W) for row in points], dtype=float).reshape(-1, 3)
+            D1, D2, power_W = asked.T
+            pwm = np.array([row.kind is not Kind.STANDBY for row in points])
+            forecast = self.job.predict(Asked(D1=D1, D2=D2, power_W=power_W, ambient_C=ambient_C, pwm=pwm))
+            fresh = {row["id"]: forecast.row(k) for k, row in enumerate(waiting)}
+            self.store.predict(self.id, fresh, time_s=self._time_s())
+        else:
+            fresh = {}
+        known = {row["id"]: fresh.get(row["id"], row["predicted"]) for row in rows}
+        return {key: _number(columns["efficiency"]) for key, columns in known.items()}
 
-    def _wait_for_start(self, today: Callable[[], datetime]) -> None:
+    def _wait_for_start(self) -> None:
         start_at = self.job.campaign.schedule.start_at
-        if start_at is None:
+        if start_at is None or self.state is not State.PLANNED:
             return
         self._move(State.WAITING)
+        today = self.around.today
         now = today() if start_at.tzinfo is None else today().astimezone()
         end_s = self.clock.now() + (start_at - now).total_seconds()
         self.tracker.say(f"waiting until {start_at:%Y-%m-%d %H:%M:%S}")
         while (left_s := end_s - self.clock.now()) > 0:
             self._attend()
+            self.reporter.moment("waiting")
             self.clock.sleep(min(left_s, WAIT_STEP_S))
 
     def _pause(self, bench: Bench) -> None:
         """Bench off until the operator lets the campaign go on."""
-        report = bench.power_off()
-        if not report.safe:
-            raise BenchUnsafe(str(report))
+        report = self.campaign.off_in_between(bench)
         self._move(State.PAUSED, str(report))
         self.tracker.say("paused; the bench is off")
         while self.request == "pause":
+            self.reporter.moment("paused")
             bench.wait(ASK_EVERY_S)
             self._attend()
         self._move(State.CHECKING)
-        bench.power_up()
+        self.campaign.power_up(bench)
         self._move(State.RUNNING)
-
-    # --- one point ----------------------------------------------------------------------------------
-
-    def _point(self, bench: Bench, row: PlannedPoint, predicted: Mapping[str, float]) -> None:
-        point_id = self.store.add_prediction(self.id, row, predicted, time_s=self._time_s())
-        self.tracker.begin(row)
-        try:
-            self._measure_point(bench, row, point_id, predicted["efficiency"])
-        except OutputLost as lost:
-            self._give_up_point(bench, row, point_id, lost)
-
-    def _give_up_point(self, bench: Bench, row: PlannedPoint, point_id: int, lost: OutputLost) -> None:
-        """A set point that the converter cannot hold costs that point, not the night; many in a row do."""
-        report = bench.power_off()
-        self.store.note(self.id, "output lost", time_s=self._time_s(), detail=f"{lost}; {report}")
-        if not report.safe:
-            raise BenchUnsafe(str(report)) from lost
-        self._advance(point_id, PointState.REJECTED, str(lost))
-        self.tracker.finish(row, str(lost), measured=None, predicted=np.nan)
-        self.lost_in_a_row += 1
-        if self.lost_in_a_row >= MOST_LOST:
-            raise lost
-        bench.power_up()
-
-    def _measure_point(self, bench: Bench, row: PlannedPoint, point_id: int, predicted: float) -> None:
-        job = self.job
-        applied = bench.set_point(row)
-        self._advance(point_id, PointState.SET)
-
-        def take() -> Sample:
-            self._attend()
-            return bench.sample()
-
-        settled = settle(take, bench.wait, job.campaign.settling, power_W=job.bench.limits.power_W)
-        self._advance(point_id, PointState.SETTLED, settled.said or None)
-        measured = measure(take, job.campaign.measure, bench.power_error_limit_W, bench.range_columns())
-        duties = {"D1": applied.D1, "D2": applied.D2} if applied else {}
-        numbers = self._row_numbers(row, measured) | duties
-        self.store.add_reading(
-            self.id,
-            point_id,
-            StoredReading(
-                numbers=numbers, settled=settled.ok, quality=measured.quality, samples=measured.samples
-            ),
-        )
-        target = Target(output_voltage_V=job.bench.converter.output_voltage_V, settings=job.campaign.measure)
-        reason = rejected(row, numbers, measured.quality, target)
-        self._advance(point_id, PointState.REJECTED if reason else PointState.ACCEPTED, reason)
-        self.settled += settled.ok
-        self.lost_in_a_row = 0
-        self.tracker.finish(row, reason, measured=numbers.get("efficiency"), predicted=predicted)
-
-    def _row_numbers(self, row: PlannedPoint, measured: Measurement) -> dict[str, float]:
-        numbers = dict(measured.numbers)
-        numbers["time_s"] -= self.start_s
-        numbers["P_set_W"] = row.power_W
-        if row.kind in (Kind.STANDBY, Kind.NO_LOAD):
-            for name in ("efficiency", "u_efficiency"):
-                numbers.pop(name, None)
-        if row.kind is Kind.STANDBY:
-            numbers.pop("D0", None)
-        return numbers
-
-    def _advance(self, point_id: int, state: PointState, reason: str | None = None) -> None:
-        self.store.advance(self.id, point_id, state, time_s=self._time_s(), reason=reason)
 
     # --- states and requests ------------------------------------------------------------------------
 
     def _move(self, state: State, detail: str = "") -> None:
         check_transition(self.state, state)
+        self.store.move(self.id, self.state, state, time_s=self._time_s(), detail=detail)
         self.state = state
-        self.store.set_state(self.id, state, time_s=self._time_s(), detail=detail)
 
     def _end(self, state: State, power_off: str, error: BaseException | None) -> None:
         check_transition(self.state, state)
-        self.state = state
         said = f"{type(error).__name__}: {error}" if error else None
-        self.store.end(self.id, state, power_off=power_off, error=said)
+        self.store.end(self.id, state, power_off=power_off, error=said, time_s=self._time_s())
+        self.state = state
 
     def _attend(self) -> None:
         """Look for the operator's request; raises Aborted when it is to stop."""
@@ -346,14 +346,22 @@ class _Run:
             raise Aborted("the operator asked the campaign to stop")
 
     def _time_s(self) -> float:
-        return self.clock.now() - self.start_s
+        return self.before_s + self.clock.now() - self.start_s
 
 
-def check_transition(old: State, new: State) -> None:
-    """Raises StateError when the table does not lead from ``old`` to ``new``."""
-    if new not in TRANSITIONS[old]:
-        allowed = ", ".join(sorted(TRANSITIONS[old])) or "nothing: it has ended"
-        raise StateError(f"a campaign that is {old} cannot become {new}; allowed: {allowed}")
+def _seen_off(bench: Bench) -> PowerOffReport:
+    """Power off, to the end: an interruption in the middle of it begins it again."""
+    for attempt in range(OFF_TRIES):
+        try:
+            return bench.power_off()
+        except (Aborted, KeyboardInterrupt):
+            if attempt == OFF_TRIES - 1:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _number(value: float | None) -> float:
+    return np.nan if value is None else float(value)
 
 
 def _end_state(error: BaseException) -> State:

@@ -22,6 +22,7 @@ from typer.main import get_command
 import bench.commands
 from bench.commands.streams import err
 from bench.errors import BenchError, BenchUnsafe, InputError
+from bench.log import start_log
 from drivers.errors import InstrumentError
 
 FAILED, WRONG_USE, UNSAFE = 1, 2, 3
@@ -33,7 +34,7 @@ def build() -> typer.Typer:
     """The whole command line."""
     app = typer.Typer(
         no_args_is_help=True,
-        add_completion=False,
+        add_completion=True,
         pretty_exceptions_enable=False,
         help="A lab bench in software: measure, simulate, learn, optimise, and say what is wrong.",
     )
@@ -51,7 +52,8 @@ def build() -> typer.Typer:
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one command; never returns, never shows a traceback."""
-    _start_log()
+    if wrong := start_log(os.environ.get("D2EA_LOG", "warning")):
+        err.print(escape(wrong))
     try:
         get_command(build())(args=arguments, prog_name="d2ea")
     except BenchUnsafe as error:
@@ -74,11 +76,3 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 def _say(what: str, error: object) -> None:
     err.print(f"[bold red]{what}:[/] {escape(str(error))}")
-
-
-def _start_log() -> None:
-    level = os.environ.get("D2EA_LOG", "warning").upper()
-    known = logging.getLevelNamesMapping()
-    logging.basicConfig(level=known.get(level, logging.WARNING), format="%(levelname)s %(name)s: %(message)s")
-    if level not in known:
-        err.print(escape(f"D2EA_LOG = {level!r} is no level; one of {', '.join(known).lower()}"))

@@ -4,20 +4,18 @@ Unknown keys are refused and the nearest known one is named; all problems of a f
 each with its line, the value found, and what is allowed.
 """
 
-import difflib
 import hashlib
 import json
-import types
-from collections.abc import Sequence
+import re
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from bench.errors import InputError, Problem
-from bench.toml_file import line_of, read_toml
+from bench.checking import SectionT
+from bench.checking import check as check
+from bench.toml_file import read_toml
 from drivers.analyzer_model import load_analyzer_model
 from drivers.modbus_map import load_map
 
@@ -65,6 +63,8 @@ class AnalyzerConfig(Section):
         default_factory=dict, description="fixed ranges, e.g. U1 = 300; else auto"
     )
     wiring: WiringConfig = WiringConfig()
+    timeout_s: Positive = Field(default=2.0, le=60.0, description="longest wait for an immediate reply")
+    lateness_s: Positive = Field(default=1.0, le=60.0, description="no reply comes later after its deadline")
 
     @field_validator("model")
     @classmethod
@@ -88,6 +88,8 @@ class DcDeviceConfig(Section):
     resource: str = Field(min_length=1, description="tcp://host:port, or a serial device")
     unit: int = Field(default=0, ge=0, le=247, description="Modbus unit, 0 to 247")
     baud: int = Field(default=115200, gt=0, description="baud rate of a serial device")
+    timeout_s: Positive = Field(default=1.0, le=60.0, description="longest wait for a reply, in real seconds")
+    lateness_s: Positive = Field(default=1.0, le=60.0, description="no reply comes later after its deadline")
 
     @field_validator("map")
     @classmethod
@@ -102,6 +104,8 @@ class ControllerConfig(Section):
     resource: str = Field(min_length=1, description="serial device or URL")
     baud: int = Field(default=115200, gt=0, description="baud rate")
     heartbeat_s: Positive = Field(default=2.0, le=60.0, description="time between two heartbeats in seconds")
+    timeout_s: Positive = Field(default=1.0, le=60.0, description="longest wait for a reply, in real seconds")
+    lateness_s: Positive = Field(default=1.0, le=60.0, description="no reply comes later after its deadline")
 
 
 class LimitsConfig(Section):
@@ -113,6 +117,17 @@ class LimitsConfig(Section):
     output_voltage_V: Positive = Field(description="output voltage")
     heatsink_C: Positive = Field(default=90.0, description="heatsink temperature")
     winding_C: Positive = Field(default=120.0, description="transformer and inductor temperature")
+    link_peak_A: Positive | None = Field(default=None, description="simulated peak of the link current")
+    power_step_W: Positive = Field(default=500.0, description="largest change of the load's power at once")
+    safe_voltage_V: Positive = Field(default=60.0, description="discharged is below this, input and output")
+    discharge_s: Positive = Field(default=30.0, description="longest time that the discharge may take")
+    recover_s: NotNegative = Field(
+        default=60.0,
+        description="real time in which a lost instrument may come back; the bench is off meanwhile",
+    )
+    again_s: NotNegative = Field(
+        default=10.0, description="real time in which failed steps of a power-off are tried again"
+    )
 
 
 class ConverterConfig(Section):
@@ -159,6 +174,10 @@ class BenchConfig(Section):
                 f"limits.output_voltage_V = {self.limits.output_voltage_V:g}"
             )
         return self
+
+    def settings(self) -> dict[str, object]:
+        """All of it as plain data but the database's URL, which may hold a password."""
+        return self.model_dump(mode="json", exclude={"database"})
 
 
 # --- campaign.toml ----------------------------------------------------------------------------------
@@ -268,10 +287,24 @@ class MeasureConfig(Section):
     voltage_tolerance: Positive = Field(default=0.02, description="of V2 about its target, relative")
 
 
+_PERIOD = re.compile(r"(\d+(?:\.\d+)?) *(s|min|h|d)")
+_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+
+
 class ScheduleConfig(Section):
-    """When the campaign starts."""
+    """When the campaign starts, and how often; ``every`` becomes seconds."""
 
     start_at: datetime | None = Field(default=None, description="date and time; local time without an offset")
+    every: Positive | None = Field(default=None, description='how often in the queue: "90 min", "6 h", "1 d"')
+
+    @field_validator("every", mode="before")
+    @classmethod
+    def _period(cls, value: object) -> object:
+        if not isinstance(value, str):
+            return value
+        if not (found := _PERIOD.fullmatch(value.strip())):
+            raise ValueError("a number and s, min, h or d is a period")
+        return float(found[1]) * _SECONDS[found[2]]
 
 
 class CampaignConfig(Section):
@@ -287,8 +320,6 @@ class CampaignConfig(Section):
 
 
 # --- reading ----------------------------------------------------------------------------------------
-
-SectionT = TypeVar("SectionT", bound=Section)
 
 
 def read_bench(path: Path) -> BenchConfig:
@@ -318,59 +349,3 @@ def config_hash(*sections: Section) -> str:
 def _read(path: Path, kind: type[SectionT]) -> SectionT:
     data = read_toml(path)
     return check(data, kind, file=str(path), text=path.read_text(encoding="utf-8"))
-
-
-def check(data: object, kind: type[SectionT], *, file: str, text: str = "") -> SectionT:
-    """``data`` as a checked section; InputError lists every problem with its line in ``text``."""
-    try:
-        return kind.model_validate(data)
-    except ValidationError as error:
-        raise InputError([_problem(item, kind, file, text) for item in error.errors()]) from None
-
-
-def _problem(item: ErrorDetails, kind: type[BaseModel], file: str, text: str) -> Problem:
-    path = [str(part) for part in item["loc"]]
-    owner = _section_at(kind, path[:-1]) or kind
-    value = item["input"]
-    if item["type"] == "extra_forbidden":
-        allowed = _unknown_key(path[-1], list(owner.model_fields))
-    elif item["type"] == "missing":
-        allowed, value = f"is missing; {_describe(owner, path[-1])}", None
-    else:
-        about = _describe(owner, path[-1]) if path else ""
-        allowed = item["msg"].removeprefix("Value error, ") + (f" ({about})" if about else "")
-    if isinstance(value, dict):
-        value = None
-    return Problem(
-        file=file, field=".".join(path) or "file", value=value, allowed=allowed, line=line_of(text, path)
-    )
-
-
-def _unknown_key(key: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]}? " if near else ""
-    return f"unknown key; {hint}Known here: {', '.join(known)}"
-
-
-def _describe(owner: type[BaseModel], name: str) -> str:
-    field = owner.model_fields.get(name)
-    return (field.description or "a table of its own") if field else ""
-
-
-def _section_at(kind: type[BaseModel], path: Sequence[str]) -> type[BaseModel] | None:
-    """The section that ``path`` leads to, through lists and optional values."""
-    here: type[BaseModel] | None = kind
-    for part in path:
-        if here is None:
-            return None
-        if part in here.model_fields:
-            here = _section_in(here.model_fields[part].annotation)
-    return here
-
-
-def _section_in(annotation: object) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) in (Union, types.UnionType, list):
-        return next((found for arg in get_args(annotation) if (found := _section_in(arg))), None)
-    return None

@@ -7,6 +7,8 @@ from typing import Protocol, TypeVar
 
 from bench.config import BenchConfig, DcDeviceConfig
 from bench.errors import BenchError
+from bench.lock import ports_of_bench
+from bench.spy import log_of
 from drivers.analyzer import Analyzer, load_analyzer_model
 from drivers.clock import Clock
 from drivers.controller import Controller
@@ -18,7 +20,7 @@ from drivers.modbus import ModbusDevice
 from drivers.modbus_link import open_link
 from drivers.modbus_map import load_map
 from drivers.supply import DcSupply
-from drivers.transport import ByteLink
+from drivers.transport import ByteLink, Patience, Spy
 
 T = TypeVar("T")
 CLEARED_BY_ARMING = frozenset({"heartbeat_lost"})  # what a killed campaign leaves behind
@@ -65,15 +67,21 @@ class Inspection:
             return None
 
 
+SpyOf = Callable[[str], Spy | None]
+"""The spy on the link of an instrument, by its name; None: nobody listens."""
+
+
 @contextmanager
-def open_instruments(config: BenchConfig, clock: Clock) -> Iterator[tuple[Instruments, Inspection]]:
+def open_instruments(
+    config: BenchConfig, clock: Clock, spy_of: SpyOf = log_of
+) -> Iterator[tuple[Instruments, Inspection]]:
     """All instruments, open, and what an inspection found; BenchFaults when not all of them could be opened.
 
     Faults of a bench that is open do not raise here: whoever holds it can still switch it off.
     """
     inspection = Inspection()
-    with ExitStack() as stack:
-        opened = _open_all(config, clock, inspection, stack)
+    with ports_of_bench(config), ExitStack() as stack:
+        opened = open_all(config, clock, inspection, stack, spy_of)
         _inspect(config, opened, inspection)
         if len(opened) < len(fields(Instruments)):
             raise BenchFaults(inspection.faults)
@@ -84,18 +92,26 @@ def inspect_bench(config: BenchConfig, clock: Clock) -> Inspection:
     """Reach every instrument, compare limits and states; switches nothing."""
     inspection = Inspection()
     with ExitStack() as stack:
-        _inspect(config, _open_all(config, clock, inspection, stack), inspection)
+        _inspect(config, open_all(config, clock, inspection, stack), inspection)
     return inspection
 
 
-def _open_all(
-    config: BenchConfig, clock: Clock, inspection: Inspection, stack: ExitStack
+def open_all(
+    config: BenchConfig,
+    clock: Clock,
+    inspection: Inspection,
+    stack: ExitStack,
+    spy_of: SpyOf = log_of,
 ) -> dict[str, Instrument]:
+    """Whatever can be opened, by name, closed with the stack; the inspection holds why the rest could not."""
+    limits = config.limits
+    of_supply = {"set_voltage": limits.voltage_V, "set_current": limits.current_A}
+    of_load = {"set_power": limits.power_W}
     openers: dict[str, Callable[[], Instrument]] = {
-        "analyzer": lambda: _analyzer(config, clock),
-        "supply": lambda: DcSupply(_modbus(config.supply), clock=clock),
-        "load": lambda: ElectronicLoad(_modbus(config.load), clock=clock),
-        "controller": lambda: _controller(config),
+        "analyzer": lambda: _analyzer(config, clock, spy_of("analyzer")),
+        "supply": lambda: DcSupply(_modbus(config.supply, of_supply, spy_of("supply")), clock=clock),
+        "load": lambda: ElectronicLoad(_modbus(config.load, of_load, spy_of("load")), clock=clock),
+        "controller": lambda: _controller(config, spy_of("controller")),
     }
     opened = {}
     for name, opener in openers.items():
@@ -146,22 +162,38 @@ def _inspect_controller(name: str, controller: Controller, inspection: Inspectio
         ]
 
 
-def _analyzer(config: BenchConfig, clock: Clock) -> Analyzer:
-    model = load_analyzer_model(config.analyzer.model)
-    link = ByteLink.open(config.analyzer.resource, baud=config.analyzer.baud)
-    return Analyzer(link, model, clock=clock, speed=config.speed)
+def _analyzer(config: BenchConfig, clock: Clock, spy: Spy | None) -> Analyzer:
+    c = config.analyzer
+    model = load_analyzer_model(c.model)
+    link = ByteLink.open(c.resource, baud=c.baud, spy=spy)
+    return Analyzer(
+        link,
+        model,
+        clock=clock,
+        speed=config.speed,
+        patience=Patience(timeout_s=c.timeout_s, lateness_s=c.lateness_s),
+    )
 
 
-def _controller(config: BenchConfig) -> Controller:
-    link = ByteLink.open(config.controller.resource, baud=config.controller.baud)
-    return Controller(link, heartbeat_s=config.controller.heartbeat_s)
+def _controller(config: BenchConfig, spy: Spy | None) -> Controller:
+    c = config.controller
+    link = ByteLink.open(c.resource, baud=c.baud, spy=spy)
+    return Controller(link, heartbeat_s=c.heartbeat_s, timeout_s=c.timeout_s, lateness_s=c.lateness_s)
 
 
-def _modbus(config: DcDeviceConfig) -> ModbusDevice:
+def _modbus(config: DcDeviceConfig, ceilings: dict[str, float], spy: Spy | None) -> ModbusDevice:
     map = load_map(config.map)
-    link = open_link(config.resource, baud=config.baud)
+    link = open_link(
+        config.resource,
+        baud=config.baud,
+        timeout_s=config.timeout_s,
+        longest_lateness_s=config.lateness_s,
+        spy=spy,
+    )
     try:
-        return ModbusDevice(link, map, config.unit)
+        device = ModbusDevice(link, map, config.unit)
     except InstrumentError:
         link.close()
         raise
+    device.ceilings = ceilings
+    return device

@@ -9,7 +9,9 @@
     │   │   └── OutputLost    the converter could not hold its output at this set point
     │   └── Aborted       the operator asked for it
     ├── StateError        a step that the transition table does not allow, or an unknown campaign
-    └── BenchUnsafe       the power-off could not be confirmed (exit 3)
+    ├── BenchTaken        another campaign owns the bench
+    ├── StoreError        the database cannot be read or written: full, read-only, locked, gone
+    └── BenchUnsafe       the power-off could not be confirmed, or UNSAFE is latched (exit 3)
 """
 
 from collections.abc import Sequence
@@ -69,5 +71,13 @@ class StateError(BenchError):
     """A step that is not allowed from where the campaign stands."""
 
 
+class BenchTaken(BenchError):
+    """Another campaign owns the bench, or its ports."""
+
+
+class StoreError(BenchError):
+    """The database cannot be read or written now; what was committed before is safe."""
+
+
 class BenchUnsafe(BenchError):
-    """At least one part of the bench could not be seen off."""
+    """At least one part of the bench could not be seen off, now or in a run that nobody has cleared yet."""

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from bench.config import MeasureConfig, SettlingConfig
 from bench.instruments import TEMPERATURES, Sample
 from bench.plan import Kind, PlannedPoint
+from bench.store.live import Settling
 from drivers.reading import Quality
 
 Take = Callable[[], Sample]
@@ -59,8 +60,18 @@ class Measurement:
 # --- settling ---------------------------------------------------------------------------------------
 
 
-def settle(take: Take, wait: Callable[[float], None], settings: SettlingConfig, *, power_W: float) -> Settled:
-    """Sample until settled or until the time limit; ``power_W`` is the bench's power limit."""
+def settle(
+    take: Take,
+    wait: Callable[[float], None],
+    settings: SettlingConfig,
+    *,
+    power_W: float,
+    told: Callable[[Settling], None] | None = None,
+) -> Settled:
+    """Sample until settled or until the time limit; ``power_W`` is the bench's power limit.
+
+    ``told`` hears after each sample how far it is.
+    """
     first_s = math.nan
     window: deque[Sample] = deque()
     while True:
@@ -69,8 +80,11 @@ def settle(take: Take, wait: Callable[[float], None], settings: SettlingConfig, 
             window.popleft()
         first_s = window[0].time_s if math.isnan(first_s) else first_s
         elapsed_s = window[-1].time_s - first_s
-        if elapsed_s >= settings.window_s:
-            moving = unsettled(window, settings, power_W=power_W)
+        full = elapsed_s >= settings.window_s
+        moving = unsettled(window, settings, power_W=power_W) if full else ""
+        if told is not None:
+            told(_progress(elapsed_s, settings, moving))
+        if full:
             if not moving:
                 return Settled(ok=True, seconds=elapsed_s, said="")
             if elapsed_s >= settings.limit_s:
@@ -78,6 +92,10 @@ def settle(take: Take, wait: Callable[[float], None], settings: SettlingConfig, 
                     ok=False, seconds=elapsed_s, said=f"not settled in {elapsed_s:.0f} s: {moving}"
                 )
         wait(settings.sample_every_s)
+
+
+def _progress(elapsed_s: float, settings: SettlingConfig, moving: str) -> Settling:
+    return Settling(elapsed_s=elapsed_s, window_s=settings.window_s, limit_s=settings.limit_s, moving=moving)
 
 
 def unsettled(window: Sequence[Sample], settings: SettlingConfig, *, power_W: float) -> str:

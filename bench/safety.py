@@ -1,17 +1,23 @@
 """Safety as pure functions of what is known, and the ordered way to a bench that is off.
 
 Silence is a fault: a guarded quantity without a reading is as unsafe as one above its limit.
-Power goes off in the order PWM, load, supply; each step is seen off by reading it back, is tried twice,
-and never keeps the next one from being tried.
+Power goes off in the order PWM, load, supply, and then the dc link and the output are seen discharged. Each step is
+seen off by reading it back, is tried twice, has a deadline on the real clock, and never keeps the next one from being
+tried: a driver that hangs is left behind in a thread of its own.
 """
 
 import math
+import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.config import ConverterConfig, LimitsConfig
 
 ATTEMPTS = 2
+AGAIN_S = 10.0  # real time in which steps that failed are tried again, after all the others
+AGAIN_STEP_S = 0.5
+DEADLINE_S = 15.0  # of a step: three goes of a driver, each with its timeout and its quarantine, and again
 UNDERVOLTAGE = "output_undervoltage"  # what the controller reports when it cannot hold the output
 COLLAPSED = 0.5  # of the target: below this the output voltage is gone, not merely off its target
 
@@ -122,18 +128,50 @@ class PowerOffReport:
         return "; ".join(f"{step.step} {step.said}" for step in self.steps)
 
 
-def power_off(steps: Sequence[tuple[str, Callable[[], None]]]) -> PowerOffReport:
-    """Run every step; each returns only when its part was seen off, and raises otherwise."""
-    return PowerOffReport(steps=tuple(_attempt(name, step) for name, step in steps))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One step: ``act`` returns only when its part was seen off, and raises otherwise; real seconds it may take."""
+
+    name: str
+    act: Callable[[], None]
+    deadline_s: float = DEADLINE_S
+    done: str = "off"
 
 
-def _attempt(name: str, step: Callable[[], None]) -> StepReport:
-    said = ""
-    for _ in range(ATTEMPTS):
-        try:
-            step()
-        except Exception as error:  # noqa: BLE001  the safety layer: whatever failed, the next step is tried
-            said = f"NOT confirmed off: {error}"
-        else:
-            return StepReport(step=name, confirmed=True, said="off")
-    return StepReport(step=name, confirmed=False, said=said)
+def power_off(steps: Sequence[Step], *, again_s: float = AGAIN_S) -> PowerOffReport:
+    """Run every step, whatever becomes of the one before; then again, for so long, those that were not confirmed.
+
+    So a plug that is put back in time is no unsafe bench, and nothing waits for it while more can be switched off.
+    """
+    reports = {step.name: _attempt(step) for step in steps}
+    end = time.monotonic() + again_s
+    while time.monotonic() < end and (left := [s for s in steps if not reports[s.name].confirmed]):
+        time.sleep(AGAIN_STEP_S)
+        reports |= {step.name: _attempt(step) for step in left}
+    return PowerOffReport(steps=tuple(reports[step.name] for step in steps))
+
+
+def _attempt(step: Step) -> StepReport:
+    failed: list[str] = []
+    done = threading.Event()
+    end = time.monotonic() + step.deadline_s
+
+    def attempts() -> None:
+        for _ in range(ATTEMPTS):
+            try:
+                step.act()
+            except Exception as error:  # noqa: BLE001  the safety layer: whatever failed, the next step is tried
+                failed.append(getattr(error, "message", None) or str(error))
+            else:
+                done.set()
+                return
+            if time.monotonic() > end:
+                return
+
+    thread = threading.Thread(target=attempts, name=f"power-off {step.name}", daemon=True)
+    thread.start()
+    thread.join(step.deadline_s)
+    if done.is_set():
+        return StepReport(step=step.name, confirmed=True, said=step.done)
+    why = failed[-1] if failed else f"no answer within {step.deadline_s:g} s"
+    return StepReport(step=step.name, confirmed=False, said=f"NOT confirmed off: {why}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from models.accuracy import Accuracy, accuracy
+from models.accuracy import Accuracy, accuracy, half_width
 from models.boosting import Floats
 from models.feasibility import Bools
 from models.registry import data_hash
@@ -21,6 +21,7 @@ from models.surrogate import (
     SIMULATION_ONLY,
     SIMULATOR_FIRST,
     StagedModel,
+    inputs_of,
     train_d2ea,
     train_experiment_only,
     train_simulation_only,
@@ -30,6 +31,8 @@ from sim.model import Model
 from sim.simulate import Points, can_run, grid, simulate
 
 KINDS = (SIMULATION_ONLY, EXPERIMENT_ONLY, D2EA, SIMULATOR_FIRST)
+HELD_OUT = "held_out_mean_abs_efficiency"  # metrics of a kept model
+HALF_WIDTH = "held_out_half_width95_efficiency"
 LEAST_ROWS = 10  # fewer leave no held-out part to speak of
 
 
@@ -39,6 +42,9 @@ class Trained:
 
     model: StagedModel
     held_out: Accuracy
+    half_width: (
+        float  # of the 95 % interval of a prediction; NaN where the held-out part is too small to tell
+    )
     data_sha256: str
 
 
@@ -52,9 +58,9 @@ def feasible_of(model: Model) -> Callable[[Floats, Floats, Floats], Bools]:
     return lambda D1, D2, power_W: can_run(model, Points(D1=D1, D2=D2, power_W=power_W))
 
 
-def simulated_table(model: Model) -> pd.DataFrame:
-    """The feasible rows of the paper's grid, as ``models`` names its columns."""
-    table = pd.DataFrame(simulate(model, grid()).columns())
+def simulated_table(model: Model, shape: tuple[int, int, int] = (25, 25, 20)) -> pd.DataFrame:
+    """The feasible rows of a grid, by default the paper's, as ``models`` names its columns."""
+    table = pd.DataFrame(simulate(model, grid(shape)).columns())
     return table[table["feasible"].astype(bool)].rename(columns={"P_set_W": "power_W"}).reset_index(drop=True)
 
 
@@ -63,9 +69,11 @@ def train(kind: str, measured: pd.DataFrame, simulated: pd.DataFrame, model: Mod
     rows = split_experiment(measured, seed=seed)
     chosen = simulated.iloc[split_simulation(simulated, seed=seed).train]
     judged = _fit(kind, measured.iloc[rows.train], chosen, model)
+    unseen = measured.iloc[rows.validation]
     return Trained(
         model=_fit(kind, measured, chosen, model),
-        held_out=accuracy(judged, measured.iloc[rows.validation]),
+        held_out=accuracy(judged, unseen),
+        half_width=half_width(judged.predict(*inputs_of(unseen)), unseen["efficiency"].to_numpy(dtype=float)),
         data_sha256=data_hash(measured, chosen),
     )
 

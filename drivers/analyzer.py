@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from drivers.analyzer_model import AnalyzerModel, load_analyzer_model, split_channel
 from drivers.clock import Clock, WallClock
 from drivers.errors import IdentityError, LimitError, ReadbackError, ReplyError
+from drivers.health import Health
 from drivers.identity import Identity
 from drivers.reading import Quality, Reading
 from drivers.scpi import (
@@ -18,18 +19,19 @@ from drivers.scpi import (
     ScpiLink,
     parse_floats,
     parse_identity,
-    parse_numbers,
+    parse_measured,
     parse_register,
     parse_setting,
 )
-from drivers.transport import ByteLink
+from drivers.transport import USUAL, ByteLink, Patience
 
 __all__ = ["Analyzer", "AnalyzerModel", "load_analyzer_model"]
 
+HOLD_OFF = ":NUMERIC:HOLD OFF"
 START = (
     ":COMMUNICATE:HEADER OFF",
     ":COMMUNICATE:VERBOSE OFF",
-    ":NUMERIC:HOLD OFF",  # a run that crashed may have left it on, and every value frozen
+    HOLD_OFF,  # a run that crashed may have left it on, and every value frozen
     ":STATUS:FILTER1 FALL",  # event bit 0: an update has ended
 )
 VALUES = ":NUMERIC:NORMAL:VALUE?"
@@ -45,7 +47,7 @@ class Analyzer:
     model : what is particular to the instrument.
     clock : the bench's clock; it stamps the readings.
     speed : how many of the clock's seconds pass in a real one (1 on a real bench).
-    timeout_s : longest wait for an immediate reply, in real seconds.
+    patience : with an immediate reply; waiting for an update comes on top.
     binary : read the values as FLOAT blocks instead of text: shorter on a slow line.
     """
 
@@ -56,16 +58,21 @@ class Analyzer:
         *,
         clock: Clock | None = None,
         speed: float = 1.0,
-        timeout_s: float = 2.0,
+        patience: Patience = USUAL,
         binary: bool = False,
     ) -> None:
         self.model = model
         self._link = link
         self._clock = clock or WallClock()
         self._speed = speed
-        self._timeout_s = timeout_s
+        self._patience = patience
         self._binary = binary
-        self._scpi = ScpiLink(link, timeout_s=timeout_s, terminator=model.terminator.encode())
+        self._scpi = ScpiLink(
+            link,
+            timeout_s=patience.timeout_s,
+            lateness_s=patience.lateness_s,
+            terminator=model.terminator.encode(),
+        )
         self._items: tuple[str, ...] = ()
         self._elements: tuple[int, ...] = tuple(sorted({e for es in model.elements.values() for e in es}))
         self._update_s = 0.0
@@ -124,7 +131,7 @@ class Analyzer:
             self._check("update interval", ":RATE?", update_s)
             self._check("number of items", ":NUMERIC:NORMAL:NUMBER?", len(items))
             self._items, self._update_s = tuple(items), update_s
-            self._scpi.lateness_s = self._timeout_s + update_s / self._speed
+            self._scpi.lateness_s = self._patience.lateness_s + update_s / self._speed
             for channel in self._range_channels():
                 if channel not in fixed:
                     self._scpi.command(f"{self._range_headers(channel)[1]} ON")
@@ -159,7 +166,9 @@ class Analyzer:
         if not self._items:
             raise ReplyError("the analyzer has no items yet: configure() comes before read()")
         with self._scpi.lock:
-            for _ in range(1 + STALE_RETRIES):
+            for attempt in range(1 + STALE_RETRIES):
+                if attempt == STALE_RETRIES:
+                    self._scpi.command(HOLD_OFF)  # has somebody frozen the display?
                 record, numbers = self._fresh_record()
                 stale = record == self._last and _tells(numbers)
                 self._last = record
@@ -172,20 +181,30 @@ class Analyzer:
             for item, number in zip(self._items, numbers, strict=True)
         }
 
+    @property
+    def health(self) -> Health:
+        """How well its link does."""
+        return self._link.health
+
+    @property
+    def resource(self) -> str:
+        """Where it is reached."""
+        return self._link.resource
+
     def close(self) -> None:
         """Close the link."""
         self._link.close()
 
     def _fresh_record(self) -> tuple[bytes | str, list[Number]]:
         """The values of the next update, as they came and as numbers."""
-        timeout_s = 2.0 * self._update_s / self._speed + self._timeout_s
+        timeout_s = 2.0 * self._update_s / self._speed + self._patience.timeout_s
         self._scpi.query(":STATUS:EESR?", parse_register)
         self._scpi.write(":COMMUNICATE:WAIT 1")
         if self._binary:
             return self._scpi.query_block(
                 VALUES, lambda block: (block, self._counted(parse_floats(block))), timeout_s
             )
-        return self._scpi.query(VALUES, lambda text: (text, self._counted(parse_numbers(text))), timeout_s)
+        return self._scpi.query(VALUES, lambda text: (text, self._counted(parse_measured(text))), timeout_s)
 
     def _counted(self, numbers: list[Number]) -> list[Number]:
         if len(numbers) != len(self._items):

@@ -4,9 +4,16 @@ It is handed in, so that a campaign of hours passes in seconds on the mock bench
 waits for real on a real one. Deadlines of a link's bytes are not its business: they run on real time.
 """
 
+import fcntl
+import mmap
+import os
+import struct
 import threading
 import time
+from pathlib import Path
 from typing import Protocol
+
+_SECONDS = struct.Struct("<d")
 
 
 class Clock(Protocol):
@@ -55,3 +62,32 @@ class StepClock:
         """Step the clock by ``seconds`` at once."""
         with self._lock:
             self._now_s += max(0.0, seconds)
+
+
+class SharedStepClock:
+    """A step clock that several processes share through a file: it stands still while one of them is being killed."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        if os.fstat(self._file).st_size < _SECONDS.size:
+            os.ftruncate(self._file, _SECONDS.size)
+        self._map = mmap.mmap(self._file, _SECONDS.size)
+        self._lock = threading.Lock()
+
+    def now(self) -> float:
+        """Seconds stepped so far, by all processes together."""
+        return float(_SECONDS.unpack_from(self._map)[0])
+
+    def sleep(self, seconds: float) -> None:
+        """Step the clock by ``seconds`` at once, for everybody."""
+        with self._lock:
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+            try:
+                _SECONDS.pack_into(self._map, 0, self.now() + max(0.0, seconds))
+            finally:
+                fcntl.flock(self._file, fcntl.LOCK_UN)
+
+    def close(self) -> None:
+        """Give the file back; it stays."""
+        self._map.close()
+        os.close(self._file)

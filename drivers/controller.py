@@ -5,6 +5,7 @@ the PWM when beats stay away, and here a reply that does not come, or is not the
 After that the link is quarantined and the controller asked who it is before anything else is said.
 """
 
+import contextlib
 import math
 import struct
 import time
@@ -40,11 +41,13 @@ from drivers.errors import (
     InstrumentRefused,
     InstrumentTripped,
     LimitError,
-    LinkTimeout,
+    LinkError,
+    LinkLost,
     ReadbackError,
     ReplyError,
 )
 from drivers.frames import DELIMITER, Frame, decode, encode
+from drivers.health import Health
 from drivers.identity import Identity
 from drivers.transport import ByteLink, deadline_in
 
@@ -161,7 +164,7 @@ class Controller:
                     self._exchange(Request.DISABLE)
                     telemetry = self.heartbeat()
                     break
-                except (LinkTimeout, ReplyError, InstrumentRefused):
+                except (LinkError, ReplyError, InstrumentRefused):
                     if attempt == DISABLE_ATTEMPTS:
                         raise
         if telemetry.pwm_on:
@@ -224,6 +227,16 @@ class Controller:
             if self.heartbeat().table_in_use != on:
                 raise ReadbackError(f"the table is {'not ' if on else ''}in use after it was switched")
 
+    @property
+    def health(self) -> Health:
+        """How well its link does."""
+        return self._link.health
+
+    @property
+    def resource(self) -> str:
+        """Where it is reached."""
+        return self._link.resource
+
     def close(self) -> None:
         """Close the link; an armed controller will miss its beats and trip."""
         self._link.close()
@@ -238,7 +251,8 @@ class Controller:
     def _get_in_step(self) -> Identity:
         """Wait out what may come late, then begin a session."""
         if self._doubted_at is not None:
-            self._link.quarantine(self._lateness_s - (time.monotonic() - self._doubted_at))
+            with contextlib.suppress(LinkLost):  # nothing can come late from a link that is gone
+                self._link.quarantine(self._lateness_s - (time.monotonic() - self._doubted_at))
         payload = self._ask(Request.IDENTIFY, b"")
         try:
             counts, _ = IDENTITY.unpack_from(payload)
@@ -255,17 +269,27 @@ class Controller:
         self._sequence = (self._sequence + 1) & 0xFFFF
         sent = Frame(self._sequence, request, payload)
         started = time.monotonic()
+        self._link.health.exchanges += 1
         try:
-            self._link.drain()
+            self._drain()
             self._link.write(encode(sent))
             return self._answer(sent, self._receive(deadline_in(self._timeout_s)))
         except InstrumentError as error:
-            if isinstance(error, LinkTimeout | ReplyError):
+            self._link.health.failed(error)
+            if isinstance(error, LinkError | ReplyError):
                 self._doubt(error)
             elapsed_s = round(time.monotonic() - started, 3)
             raise error.with_context(
                 command=request.name, elapsed_s=elapsed_s, resource=self._link.resource
             ) from error.__cause__
+
+    def _drain(self) -> None:
+        """Nothing may be under way that could pass for the reply; a lost link has nothing to identify by."""
+        try:
+            self._link.drain()
+        except LinkLost:
+            if self._in_step:  # who answers after it is opened anew has to be asked
+                raise
 
     def _receive(self, deadline: float) -> Frame:
         coded = b""

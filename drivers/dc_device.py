@@ -5,6 +5,7 @@ from typing import ClassVar, Self
 
 from drivers.clock import Clock, WallClock
 from drivers.errors import InstrumentError, InstrumentTripped, ReadbackError
+from drivers.health import Health
 from drivers.identity import Identity
 from drivers.modbus import ModbusDevice
 from drivers.modbus_errors import ModbusRefused
@@ -141,6 +142,16 @@ class DcDevice:
     def set_current_limit(self, current_A: float) -> None:
         """Set the highest current; checked before, read back after (see ``ModbusDevice.write``)."""
         self.device.write("set_current", current_A)
+
+    @property
+    def health(self) -> Health:
+        """How well its link does."""
+        return self.device.link.health
+
+    @property
+    def resource(self) -> str:
+        """Where it is reached."""
+        return self.device.link.resource
 
     def close(self) -> None:
         """Close the link; switches nothing."""

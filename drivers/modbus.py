@@ -23,6 +23,7 @@ POLL_S = 0.02
 FULL_BLOCK = 125  # registers in one read
 HIGHEST_FLOAT: float = struct.unpack(">f", b"\x7f\x7f\xff\xff")[0]
 FLOAT_MATCH = 1e-6  # relative: two float32 counts
+ROUNDED_UP = 1.0 + 1e-9  # a ceiling of a whole number of counts is not lost to rounding
 
 
 class ModbusDevice:
@@ -35,6 +36,9 @@ class ModbusDevice:
         first, last = register_map.units
         if not first <= self.unit <= last:
             raise LimitError(f"unit id {self.unit} of {register_map.series}; allowed are {first} to {last}")
+        self.ceilings: dict[
+            str, float
+        ] = {}  # by register, in SI: what the bench allows, whatever the device does
         self._constants: dict[str, float] = {}
         self._disturbances = link.disturbances
         self._resync_answer: Raw | None = None
@@ -157,10 +161,12 @@ class ModbusDevice:
             return bool(value)
         per_count = self._per_count(register)
         lowest, highest = self._allowed_counts(register)
+        if register.name in self.ceilings:
+            highest = min(highest, math.floor(self.ceilings[register.name] / per_count * ROUNDED_UP))
         counts = value / per_count
         if not lowest - 0.5 <= counts < highest + 0.5:  # False for NaN, too
             raise LimitError(
-                f"{register.name} = {value:g} {register.unit} is outside what the {self.map.series} allows, "
+                f"{register.name} = {value:g} {register.unit} is outside what {self.map.series} and bench allow, "
                 f"{lowest * per_count:g} to {highest * per_count:g} {register.unit}; nothing was sent",
                 **self._context(register),
             )

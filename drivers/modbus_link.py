@@ -31,9 +31,10 @@ from pymodbus.pdu.register_message import (
 from pymodbus.transport import CommParams, CommType
 
 from drivers.errors import InstrumentError, LinkLost, LinkTimeout, LinkUnavailable, ReplyError
+from drivers.health import Health
 from drivers.modbus_errors import refused
 from drivers.modbus_map import Space
-from drivers.transport import ByteLink, deadline_in
+from drivers.transport import ByteLink, Spy, deadline_in
 
 LAST_TRANSACTION = 0x29FF  # EA devices take a TCP message whose first byte is 42 ("*") or more for SCPI text
 
@@ -108,8 +109,9 @@ class ModbusLink:
         self._lock = threading.RLock()
         self._quarantined_until: float | None = None
         self.disturbances = 0
+        self.health = Health()
         self._client.bytes = open_bytes()
-        self._resource = self._client.bytes.resource
+        self.resource = self._client.bytes.resource
 
     def close(self) -> None:
         """Close the link; a later request opens it again."""
@@ -163,14 +165,17 @@ class ModbusLink:
 
     def _exchange(self, request: ModbusPDU) -> ModbusPDU:
         """One request, one reply with the right function code from the right unit, or an error."""
-        self._make_ready()
+        self.health.exchanges += 1
+        self._client.sent = b""
         started = time.monotonic()
         try:
+            self._make_ready()
             return self._checked(request)
         except InstrumentError as error:
+            self.health.failed(error)
             elapsed_s = round(time.monotonic() - started, 3)
             error.with_context(
-                resource=self._resource, command=self._client.sent.hex(" "), elapsed_s=elapsed_s
+                resource=self.resource, command=self._client.sent.hex(" "), elapsed_s=elapsed_s
             )
             raise
 
@@ -224,6 +229,7 @@ def open_link(
     parity: str = "N",
     timeout_s: float = 1.0,
     longest_lateness_s: float = 1.0,
+    spy: Spy | None = None,
 ) -> ModbusLink:
     """Open ``tcp://host:port``, or a serial device by its path for RTU; raises ``LinkUnavailable``."""
     framer, url = FramerType.RTU, resource
@@ -231,7 +237,7 @@ def open_link(
         framer, url = FramerType.SOCKET, _socket_url(resource)
 
     def open_bytes() -> ByteLink:
-        return ByteLink.open(url, baud=baud, parity=parity, timeout_s=timeout_s)
+        return ByteLink.open(url, baud=baud, parity=parity, timeout_s=timeout_s, spy=spy)
 
     return ModbusLink(open_bytes, framer, timeout_s=timeout_s, longest_lateness_s=longest_lateness_s)
 

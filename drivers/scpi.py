@@ -6,6 +6,7 @@ binary blocks carry. After a timeout, or a reply that makes no sense, the link i
 exchange it is quarantined and resynchronised (``*CLS``, ``*OPC?``).
 """
 
+import contextlib
 import math
 import re
 import struct
@@ -14,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from drivers.errors import InstrumentError, InstrumentRefused, LinkTimeout, ReplyError
+from drivers.errors import InstrumentError, InstrumentRefused, LinkError, LinkLost, ReplyError
 from drivers.reading import Quality
 from drivers.transport import ByteLink, deadline_in
 
@@ -80,6 +81,17 @@ def parse_number(text: str) -> Number:
 def parse_numbers(text: str) -> list[Number]:
     """Numbers separated by commas."""
     return [parse_number(word) for word in text.split(",")]
+
+
+def parse_measured(text: str) -> list[Number]:
+    """Measured values separated by commas: each with an exponent, or NAN or INF.
+
+    Analyzers write them so (NR3); without the exponent a value is the front part of one that was cut.
+    """
+    for word in text.split(","):
+        if "E" not in word.upper() and "N" not in word.upper():
+            raise ReplyError(f"{word!r} is not a whole measured value: its exponent is missing", reply=text)
+    return parse_numbers(text)
 
 
 def parse_setting(text: str) -> float:
@@ -183,7 +195,8 @@ class ScpiLink:
         """Empty the instrument's queues and make sure that its next reply answers our next query."""
         with self.lock:
             if self._doubted_at is not None:
-                self._link.quarantine(self.lateness_s - (time.monotonic() - self._doubted_at))
+                with contextlib.suppress(LinkLost):  # nothing can come late from a link that is gone
+                    self._link.quarantine(self.lateness_s - (time.monotonic() - self._doubted_at))
             self._doubted_at = time.monotonic()
             self._send("*CLS")
             self._send("*OPC?")
@@ -193,13 +206,15 @@ class ScpiLink:
 
     def _exchange(self, command: str, timeout_s: float | None, receive: Callable[[float], T]) -> T:
         with self.lock:
-            self._make_ready()
+            self._link.health.exchanges += 1
             started = time.monotonic()
             try:
+                self._make_ready()
                 self._send(command)
                 return receive(deadline_in(self._timeout_s if timeout_s is None else timeout_s))
             except InstrumentError as error:
-                if isinstance(error, LinkTimeout | ReplyError):
+                self._link.health.failed(error)
+                if isinstance(error, LinkError | ReplyError):
                     self._doubted_at = time.monotonic()
                 elapsed_s = round(time.monotonic() - started, 3)
                 raise error.with_context(

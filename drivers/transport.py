@@ -1,19 +1,29 @@
 """The byte link to an instrument: a serial port, or whatever a pyserial URL names.
 
 ``ByteLink.open("/dev/serial/by-id/...")`` opens it for this program alone; ``socket://host:port`` and
-``rfc2217://host:port`` work the same way. Every read has a deadline, an instant on the real clock
-(``deadline_in``). After a timeout the answer may still come, late, and would pass for the answer to the
-next question: such a link is put in ``quarantine`` before it is used again.
+``rfc2217://host:port`` work the same way. A link that was lost is opened anew by the next ``write``: under the same
+name, which for a name in ``/dev/serial/by-id`` may by then lead to another device path; a name with ``*`` or ``?`` in
+it stands for whatever single port matches. Who answers then is for the drivers to ask.
+
+Every read has a deadline, an instant on the real clock (``deadline_in``). After a timeout the answer may still come,
+late, and would pass for the answer to the next question: such a link is put in ``quarantine`` before it is used again.
 """
 
+import contextlib
+import glob
 import termios
 import threading
 import time
-from typing import Protocol, Self
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol, Self
 
 import serial
 
 from drivers.errors import LinkLost, LinkTimeout, LinkUnavailable, ReplyError
+from drivers.health import Health
+from drivers.tcp_port import SCHEME, TcpPort
 
 POLL_S = 0.02  # one read blocks no longer; so much a deadline may be overrun
 LONGEST_REPLY = 65536  # bytes without a terminator: that is noise, not a reply
@@ -28,6 +38,17 @@ _ADVICE = (
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patience:
+    """Real seconds: longest wait for an immediate reply, and how late one may come after that, at the worst."""
+
+    timeout_s: float = 2.0
+    lateness_s: float = 1.0
+
+
+USUAL = Patience()
+
+
 class Port(Protocol):
     """What a link needs of an open pyserial port."""
 
@@ -38,6 +59,10 @@ class Port(Protocol):
     def close(self) -> None: ...
 
 
+Spy = Callable[[str, bytes], None]
+"""Hears every byte of a link: ``(">", sent)`` or ``("<", received)``."""
+
+
 def deadline_in(seconds: float) -> float:
     """The instant ``seconds`` from now, on the clock that reads are held to (``time.monotonic``)."""
     return time.monotonic() + seconds
@@ -46,10 +71,20 @@ def deadline_in(seconds: float) -> float:
 class ByteLink:
     """Bytes to and from one instrument; one exchange at a time, under ``lock``."""
 
-    def __init__(self, port: Port, resource: str) -> None:
-        self._port = port
+    def __init__(
+        self,
+        port: Port,
+        resource: str,
+        *,
+        reopen: Callable[[], Port] | None = None,
+        spy: Spy | None = None,
+    ) -> None:
+        self._port: Port | None = port
+        self._reopen = reopen
+        self._spy = spy
         self._received = bytearray()
         self.resource = resource
+        self.health = Health()
         self.lock = threading.RLock()
 
     @classmethod
@@ -61,6 +96,7 @@ class ByteLink:
         parity: str = "N",
         stop_bits: float = 1,
         timeout_s: float = 2.0,
+        spy: Spy | None = None,
     ) -> Self:
         """Open ``resource`` for this program alone.
 
@@ -68,29 +104,25 @@ class ByteLink:
         ------
         LinkUnavailable : no such port, not permitted, refused, or busy; the reason is told.
         """
-        try:
-            port = serial.serial_for_url(
-                resource,
-                baudrate=baud,
-                parity=parity,
-                stopbits=stop_bits,
-                timeout=POLL_S,
-                write_timeout=timeout_s,
-                exclusive=True,
-            )
-        except (OSError, ValueError, termios.error) as error:
-            reason = str(error)
-            advice = next((advice for sign, advice in _ADVICE if sign in reason), "")
-            raise LinkUnavailable(
-                f"cannot open {resource}: {reason}" + (f"; {advice}" if advice else ""), resource=resource
-            ) from error
-        return cls(port, resource)
+        settings: dict[str, Any] = {"baudrate": baud, "parity": parity, "stopbits": stop_bits}
+        reopen = partial(_open_port, resource, settings, timeout_s)
+        return cls(reopen(), resource, reopen=reopen, spy=spy)
 
     def write(self, data: bytes) -> None:
-        """Send ``data``; raises ``LinkLost`` on hang-up, ``LinkTimeout`` when nothing drains the line."""
+        """Send ``data``; a lost link is opened anew first.
+
+        Raises
+        ------
+        LinkLost : it hung up, or is gone and cannot be opened again.
+        LinkTimeout : nothing drains the line.
+        """
+        if self._port is None:
+            self._open_again()
+        if self._spy is not None:
+            self._spy(">", data)
         try:
-            self._port.write(data)
-        except serial.SerialTimeoutException as error:
+            self._open_now().write(data)
+        except (serial.SerialTimeoutException, TimeoutError) as error:
             raise LinkTimeout("the link takes no more bytes", resource=self.resource) from error
         except (OSError, termios.error) as error:
             raise self._lost(error) from error
@@ -130,7 +162,10 @@ class ByteLink:
 
     def close(self) -> None:
         """Give the port back; harmless when it is gone."""
-        self._port.close()
+        port, self._port = self._port, None
+        self._reopen = None
+        if port is not None:
+            port.close()
 
     def __enter__(self) -> Self:
         return self
@@ -158,8 +193,9 @@ class ByteLink:
         """The bytes that come next; ``b""`` when none do before the deadline."""
         try:
             while time.monotonic() < deadline:
-                if chunk := self._port.read(max(1, self._port.in_waiting)):
-                    return chunk + self._waiting()  # a socket tells of one waiting byte only
+                port = self._open_now()
+                if chunk := port.read(max(1, port.in_waiting)):
+                    return self._heard(chunk)
         except (OSError, termios.error) as error:
             raise self._lost(error) from error
         return b""
@@ -168,13 +204,68 @@ class ByteLink:
         """The bytes that are there already."""
         chunk = b""
         try:
-            while len(chunk) <= LONGEST_REPLY and (waiting := self._port.in_waiting):
-                chunk += self._port.read(waiting)
+            port = self._open_now()
+            while len(chunk) <= LONGEST_REPLY and (waiting := port.in_waiting):
+                chunk += port.read(waiting)
         except (OSError, termios.error) as error:
             raise self._lost(error) from error
+        return self._heard(chunk) if chunk else chunk
+
+    def _heard(self, chunk: bytes) -> bytes:
+        if self._spy is not None:
+            self._spy("<", chunk)
         return chunk
 
+    def _open_now(self) -> Port:
+        if self._port is None:
+            raise LinkLost(f"{self.resource} was lost before", resource=self.resource)
+        return self._port
+
+    def _open_again(self) -> None:
+        """Open what was lost; what came before belongs to nobody."""
+        if self._reopen is None:
+            raise LinkLost(f"{self.resource} is closed", resource=self.resource)
+        try:
+            self._port = self._reopen()
+        except LinkUnavailable as error:
+            raise LinkLost(f"still gone: {error.message}", resource=self.resource) from error
+        self._received.clear()
+
     def _lost(self, error: Exception) -> LinkLost:
+        """The error for a link that has hung up; the port is given back, so that its name can be used again."""
+        port, self._port = self._port, None
+        self._received.clear()
+        if port is not None:
+            with contextlib.suppress(OSError, termios.error):
+                port.close()
         return LinkLost(
             f"{self.resource} is gone: {error}; unplugged, or switched off?", resource=self.resource
         )
+
+
+def _open_port(resource: str, settings: dict[str, Any], timeout_s: float) -> Port:
+    """An open port; ``LinkUnavailable`` with the reason, and advice where there is some."""
+    try:
+        if resource.startswith(SCHEME):
+            return TcpPort.open(resource, timeout_s=timeout_s, poll_s=POLL_S)
+        port: Port = serial.serial_for_url(
+            _matching(resource), timeout=POLL_S, write_timeout=timeout_s, exclusive=True, **settings
+        )
+        return port
+    except (OSError, ValueError, termios.error) as error:
+        reason = str(error)
+        advice = next((advice for sign, advice in _ADVICE if sign in reason), "")
+        raise LinkUnavailable(
+            f"cannot open {resource}: {reason}" + (f"; {advice}" if advice else ""), resource=resource
+        ) from error
+
+
+def _matching(resource: str) -> str:
+    """The one port that a pattern stands for; any other name as it is."""
+    if not set("*?[") & set(resource) or "://" in resource:
+        return resource
+    found = sorted(glob.glob(resource))
+    if len(found) != 1:
+        there = ", ".join(found) or "no port"
+        raise OSError(f"{there} matches {resource}; it must be exactly one: No such file")
+    return found[0]

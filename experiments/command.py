@@ -45,6 +45,9 @@ def experiment(
     scale: Annotated[float | None, typer.Option(metavar="SHARE", help="of all trials and points")] = None,
     out_folder: Annotated[Path, typer.Option("--out", metavar="DIR")] = DEFAULT_FOLDER,
     processes: Annotated[int, typer.Option(min=1, help="trials side by side")] = 2,
+    reference: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="other people's points, for simulator_benchmark")
+    ] = None,
     only: Annotated[
         list[str] | None,
         typer.Option(metavar="PART", help="of an experiment that has parts; may be repeated"),
@@ -55,7 +58,11 @@ def experiment(
         _list()
         return
     settings = Settings(
-        out=out_folder, scale=_scale(quick, scale), processes=processes, only=tuple(only or ())
+        out=out_folder,
+        scale=_scale(quick, scale),
+        processes=processes,
+        reference=reference,
+        only=tuple(only or ()),
     )
     for chosen in names() if name == "all" else [name]:
         _run(_entry(chosen), settings)

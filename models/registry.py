@@ -2,12 +2,14 @@
 
 ::
 
-    <root>/<id>/metadata.json     kind, data hash, settings, metrics, when
+    <root>/<id>/metadata.json     kind, data hash, settings, metrics, when, from whose data
+    <root>/<id>/rows.json         the measured rows that it was fitted to, and those it was judged on
     <root>/<id>/stage_1.ubj       XGBoost's own format, one file per ensemble of trees
     <root>/<id>/stage_1.json      its settings
 
 The same data and settings give the same id, so training twice keeps one folder. A stage that is the
-simulator is not stored: whoever loads the model hands the simulator in.
+simulator is not stored: whoever loads the model hands the simulator in. Which model is in use, and why, is in
+:mod:`models.journal`.
 """
 
 import hashlib
@@ -20,11 +22,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
+from xgboost.core import XGBoostError
 
 from models.boosting import BoostedTrees
 from models.surrogate import EfficiencyModel, Simulator, SimulatorStage, StagedModel
 
-SCHEMA = 1
+SCHEMA = 2
 _SIMULATOR = "simulator"
 
 
@@ -42,6 +45,21 @@ class ModelRecord:
     data_sha256: str
     settings: Mapping[str, object]  # of each stage, by its name
     metrics: Mapping[str, float]
+    virtual: bool | None = None  # whether its measurements come from a virtual lab; None: nobody said
+    data: str = ""  # where they are: a database and its campaigns, or a file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where a model's measurements come from: the way back from what it says to what was measured.
+
+    ``fitted`` and ``held_out`` name rows, such as ``campaign 3 point 17 repeat 0`` or ``theirs.csv row 5``.
+    """
+
+    data: str = ""
+    virtual: bool | None = None
+    fitted: tuple[str, ...] = ()
+    held_out: tuple[str, ...] = ()
 
 
 def data_hash(*tables: pd.DataFrame) -> str:
@@ -66,9 +84,11 @@ class Registry:
         data_sha256: str,
         created: str,
         metrics: Mapping[str, float] | None = None,
+        origin: Origin | None = None,
     ) -> ModelRecord:
         """Keep a model; a model of the same data and settings that is already there stays as it is."""
         settings = {f"stage_{number}": _settings(stage) for number, stage in enumerate(model.stages, start=1)}
+        origin = origin or Origin()
         identity = json.dumps([SCHEMA, model.kind, data_sha256, settings], sort_keys=True)
         record = ModelRecord(
             id=hashlib.sha256(identity.encode()).hexdigest()[:12],
@@ -77,10 +97,12 @@ class Registry:
             data_sha256=data_sha256,
             settings=settings,
             metrics=dict(metrics or {}),
+            virtual=origin.virtual,
+            data=origin.data,
         )
         if (self.root / record.id / "metadata.json").is_file():
             return self.show(record.id)
-        self._write(record, model)
+        self._write(record, model, origin)
         return record
 
     def list(self) -> tuple[ModelRecord, ...]:
@@ -102,25 +124,47 @@ class Registry:
         except (KeyError, TypeError, json.JSONDecodeError) as error:
             raise RegistryError(f"{path}: not the metadata of a model ({error})") from error
 
+    def origin(self, id: str) -> Origin:
+        """The rows behind a model; raises RegistryError when they are not there or not readable."""
+        record = self.show(id)
+        path = self._folder(id) / "rows.json"
+        try:
+            rows = json.loads(path.read_text())
+            return Origin(
+                data=record.data,
+                virtual=record.virtual,
+                fitted=tuple(rows["fitted"]),
+                held_out=tuple(rows["held_out"]),
+            )
+        except (OSError, KeyError, TypeError, json.JSONDecodeError) as error:
+            raise RegistryError(f"{path}: not the rows of a model ({error})") from error
+
     def load(self, id: str, simulator: Simulator | None = None) -> StagedModel:
         """The model itself; one with the simulator as a stage needs ``simulator``."""
         record = self.show(id)
         stages: list[EfficiencyModel] = []
         for name, settings in record.settings.items():
             if settings != _SIMULATOR:
-                stages.append(BoostedTrees.load(self._folder(id) / f"{name}.ubj"))
+                stages.append(self._trees(self._folder(id) / f"{name}.ubj"))
             elif simulator is not None:
                 stages.append(SimulatorStage(simulator))
             else:
                 raise RegistryError(f"model {id} has the simulator as {name}; hand it in to load the model")
         return StagedModel(kind=record.kind, stages=tuple(stages))
 
+    def _trees(self, path: Path) -> BoostedTrees:
+        try:
+            return BoostedTrees.load(path)
+        except (OSError, TypeError, ValueError, XGBoostError) as error:
+            said = str(error).splitlines()[0]
+            raise RegistryError(f"{path}: the trees of this model cannot be read ({said})") from error
+
     def _folder(self, id: str) -> Path:
         if not re.fullmatch(r"[0-9a-f]{12}", id):
             raise RegistryError(f"{id!r} is not the id of a model: 12 hexadecimal digits")
         return self.root / id
 
-    def _write(self, record: ModelRecord, model: StagedModel) -> None:
+    def _write(self, record: ModelRecord, model: StagedModel, origin: Origin) -> None:
         """Write beside the final folder and move it there whole: a reader never meets half a model."""
         self.root.mkdir(parents=True, exist_ok=True)
         folder = Path(tempfile.mkdtemp(prefix=".new-", dir=self.root))
@@ -130,6 +174,8 @@ class Registry:
                     stage.save(folder / f"{name}.ubj")
             metadata = {"schema": SCHEMA, **asdict(record)}
             (folder / "metadata.json").write_text(json.dumps(metadata, indent=2) + "\n")
+            rows = {"fitted": origin.fitted, "held_out": origin.held_out}
+            (folder / "rows.json").write_text(json.dumps(rows) + "\n")
             folder.replace(self.root / record.id)
         finally:
             shutil.rmtree(folder, ignore_errors=True)

@@ -20,7 +20,7 @@ OPTIONAL_COLUMNS = (
     *("range_U1_V", "range_I1_A", "range_U2_V", "range_I2_A", "u_P1_W", "u_P2_W", "u_efficiency"),
 )
 NUMERIC_COLUMNS = (*CORE_COLUMNS, *OPTIONAL_COLUMNS)
-KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", "kind", "settled", "quality")
+KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", "kind", "settled", "quality", "lab")
 
 NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
 KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 is a power written in kW

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.bridges import Carrier, Scheme, Transition, primary_scheme, secondary_scheme
 from sim.parameters import Capacitance, Converter, Quantity
 from sim.soft_switching import leg_curve
-from sim.steady_state import Circuit
+from sim.waveform import Circuit
 
 Array = NDArray[np.float64]
 

@@ -107,7 +107,9 @@ def _device_plain(device: Switch | Diode) -> str | Plain:
     for section, values in plain.items():
         if isinstance(values, dict):
             plain[section] = {
-                name: {"value": value, "tolerance": tolerances.get(f"{section}.{name}", 0.0)}
+                name: {"value": value, "tolerance": tolerances[f"{section}.{name}"]}
+                if f"{section}.{name}" in tolerances
+                else value
                 for name, value in values.items()
             }
     return plain
@@ -125,8 +127,8 @@ class _Reader:
             found[name] = self._table(section, found.get(name), (name,))
         found["primary"] = self._bridge(found.get("primary"), "primary")
         found["secondary"] = self._bridge(found.get("secondary"), "secondary")
-        if found["primary"] is not None:
-            found["modulation"] = modulation or found["primary"].modulations[0]
+        usual = "" if found["primary"] is None else found["primary"].modulations[0]
+        found["modulation"] = modulation or usual
         converter = self._object(Converter, found, ())
         if converter is not None:
             self._contradictions(converter)

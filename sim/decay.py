@@ -1,4 +1,4 @@
-r"""Integrals of a decay e^(-x s) over s in [0, 1], right to the last digits down to x = 0 and for x < 0.
+r"""Integrals of a decay e^(-x s) over s in [0, 1], right to the last digits down to x = 0.
 
 Closed forms subtract nearly equal terms where resistance is small against inductance, so below ``_SMALL`` their Taylor
 series take over.
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SMALL = 0.1
+_TINY = 1e-300  # stands for x = 0
 _TERMS = 10  # the first term left out is below 1e-15 of the sum
 
 
@@ -23,7 +24,6 @@ def _series(coefficients: list[float], x: Array) -> Array:
     return total
 
 
-_INTEGRAL = [(-1.0) ** k / factorial(k + 1) for k in range(_TERMS)]
 _MOMENT = [(-1.0) ** k / factorial(k + 2) for k in range(_TERMS)]
 _SQUARE = [(-1.0) ** k * (2.0 ** (k + 2) - 2) / factorial(k + 2) / (k + 3) for k in range(_TERMS + 3)]
 
@@ -34,10 +34,8 @@ def decay_integral(x: Array) -> Array:
     >>> decay_integral(np.array([0.0, 1e-9, 1.0])).round(6).tolist()
     [1.0, 1.0, 0.632121]
     """
-    if np.all(np.abs(x) < _SMALL):
-        return _series(_INTEGRAL, x)
-    safe = np.where(x == 0, 1.0, x)
-    return np.where(x == 0, 1.0, -np.expm1(-safe) / safe)
+    safe = np.maximum(x, _TINY)
+    return np.asarray(-np.expm1(-safe) / safe)
 
 
 def decay_moment(x: Array) -> Array:

@@ -13,16 +13,17 @@ from sim.modulation import centre_offset, hybrid_edges
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.prototype import prototype
-from sim.regulation import Regulated, regulate
+from sim.regulation import Regulated, follow, regulate, spare_power
 from sim.stacking import pick
+from sim.steady_state import COARSE, FINE, Accuracy
 from sim.thermal import temperatures
+from sim.waveform import Circuit
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 25
-_COARSE_ROUNDS = 2
+_ROUNDS = 32
+_CAREFUL = 8  # every so many rounds orbits are closed before their losses are asked
 _POWER = 2e-7  # of the output power, relative with 10 W as the least scale: inside the promised 1e-6
-_COARSE = 1e-4  # enough while temperatures still move
 _KELVIN = 1e-4  # moves a loss of 10 W by 4 uW
 _LEAST_W = 10.0
 _MODERATE_K = 20.0  # above ambient
@@ -64,12 +65,13 @@ class WarmStart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatingState:
-    """The converged state of N points that run."""
+    """The converged state of N points that run; ``spare`` is about what power they could add, relative."""
 
     temperatures: Temperatures
     regulated: Regulated
     current: LinkCurrent
     balance: Balance
+    spare: Array
 
     def start(self) -> WarmStart:
         """What a variant may start from."""
@@ -82,8 +84,7 @@ class OperatingState:
 
     def comfortable(self, margin: float) -> NDArray[np.bool_]:
         """Points that run, with more power to spare than ``margin`` (relative) on the rising branch."""
-        spare = np.nan_to_num(self.regulated.most_W, nan=np.inf) > (1 + margin) * np.abs(self.balance.P2_W)
-        return np.asarray(self.regulated.reached & spare & (self.regulated.limit >= 0.5))
+        return np.asarray(self.regulated.reached & (self.spare > margin) & (self.regulated.limit >= 0.5))
 
 
 def _input_current(power_W: Array, V1_V: Array, resistance_Ohm: Array | float) -> Array:
@@ -115,15 +116,31 @@ def _furthest(a: Temperatures, b: Temperatures) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Slow:
+    """What circuit and regulation are solved for and their losses then move, arrays (N,)."""
+
+    temperatures: Temperatures
+    target_W: Array
+    I1_A: Array
+
+    def by_name(self) -> dict[str, Array]:
+        """Every one by a name."""
+        return self.temperatures.by_place() | {"target_W": self.target_W, "I1_A": self.I1_A}
+
+    def put(self, rows: NDArray[np.intp], values: dict[str, Array]) -> None:
+        """Renew some of the points."""
+        for name, own in self.by_name().items():
+            own[rows] = values[name]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Station:
-    """A set of points with what their next round starts from; arrays (N,)."""
+    """A set of points with what their next round starts from."""
 
     converter: Converter
     points: Points
     edges: Array
-    temperatures: Temperatures
-    target_W: Array
-    I1_A: Array
+    slow: _Slow
     warm: Regulated | None
 
     def take(self, chosen: NDArray[np.intp]) -> "_Station":
@@ -132,18 +149,42 @@ class _Station:
             converter=pick(self.converter, chosen),
             points=self.points.take(chosen),
             edges=self.edges[:, chosen],
-            temperatures=pick(self.temperatures, chosen),
-            target_W=self.target_W[chosen],
-            I1_A=self.I1_A[chosen],
+            slow=pick(self.slow, chosen),
             warm=None if self.warm is None else self.warm.take(chosen),
         )
 
-    def solve(self, tolerance: float) -> OperatingState:
+    @property
+    def known(self) -> Regulated:
+        """The solution to go on from, once there is one."""
+        assert self.warm is not None
+        return self.warm
+
+    def solve(self, accuracy: Accuracy) -> OperatingState:
         """Regulate at the present temperatures and account for the losses there."""
-        V1 = self.points.V1_V - self.converter.input_cable_Ohm * self.I1_A
-        V2, t = _capacitor_V(self.converter, self.points), self.temperatures
-        circuit = build_circuit(self.converter, t, V1, V2)
-        regulated = regulate(circuit, self.edges, self.target_W, warm=self.warm, tolerance=tolerance)
+        circuit = self._circuit()
+        regulated = regulate(circuit, self.edges, self.slow.target_W, warm=self.warm, accuracy=accuracy)
+        return self._account(circuit, regulated)
+
+    def follow(self) -> tuple[OperatingState, Regulated]:
+        """One step towards the solution: what there is now, and where to go on."""
+        circuit = self._circuit()
+        now, ahead = follow(circuit, self.edges, self.slow.target_W, self.known)
+        return self._account(circuit, now), ahead
+
+    def nearer(self) -> Regulated:
+        """One step towards the solution, before any losses are asked."""
+        return follow(self._circuit(), self.edges, self.slow.target_W, self.known)[1]
+
+    def _voltages(self) -> tuple[Array, Array]:
+        """Of the dc links behind the cables."""
+        V1 = self.points.V1_V - self.converter.input_cable_Ohm * self.slow.I1_A
+        return np.asarray(V1), _capacitor_V(self.converter, self.points)
+
+    def _circuit(self) -> Circuit:
+        return build_circuit(self.converter, self.slow.temperatures, *self._voltages())
+
+    def _account(self, circuit: Circuit, regulated: Regulated) -> OperatingState:
+        (V1, V2), t = self._voltages(), self.slow.temperatures
         pieces = regulated.orbit.pieces
         current = link_current(pieces, self.converter.frequency_Hz)
         losses = (
@@ -152,17 +193,19 @@ class _Station:
             | magnetic_losses(self.converter, t, pieces, current)
         )
         balance = _balance(self.converter, self.points, regulated, losses)
-        return OperatingState(temperatures=t, regulated=regulated, current=current, balance=balance)
-
-    def onward(self, state: OperatingState) -> "_Station":
-        """Where the next round starts."""
-        losses = state.balance.losses
-        return replace(
-            self,
+        return OperatingState(
             temperatures=temperatures(self.converter, losses, np.asarray(self.points.ambient_C)),
+            regulated=regulated, current=current, balance=balance,
+            spare=spare_power(circuit, self.edges, regulated),
+        )  # fmt: skip
+
+    def ahead(self, state: OperatingState) -> _Slow:
+        """What the losses of a solution ask for."""
+        losses = state.balance.losses
+        return _Slow(
+            temperatures=state.temperatures,
             target_W=_delivered_W(self.converter, self.points) + losses["secondary_switching"],
             I1_A=state.balance.I1_A,
-            warm=state.regulated,
         )
 
 
@@ -181,69 +224,107 @@ def _start(converter: Converter, points: Points, warm: WarmStart | None) -> _Sta
     D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
     late = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
     delivered = _delivered_W(converter, points)
+    if warm is None:
+        slow = _Slow(
+            temperatures=Temperatures.everywhere(converter, np.asarray(points.ambient_C)),
+            target_W=delivered + 0.003 * np.abs(delivered),
+            I1_A=delivered / points.V1_V,
+        )
+    else:
+        slow = _Slow(
+            temperatures=warm.temperatures,
+            target_W=delivered + warm.secondary_switching_W,
+            I1_A=warm.I1_A,
+        )
     return _Station(
         converter=converter,
         points=points,
         edges=hybrid_edges(-centre_offset(D1, D2), D1, D2)
         + late * converter.secondary_delay_s / converter.half_period_s,
-        temperatures=Temperatures.everywhere(converter, np.asarray(points.ambient_C))
-        if warm is None
-        else warm.temperatures,
-        target_W=delivered + 0.003 * np.abs(delivered)
-        if warm is None
-        else delivered + warm.secondary_switching_W,
-        I1_A=delivered / points.V1_V if warm is None else warm.I1_A,
+        slow=slow,
         warm=None if warm is None else warm.regulated,
     )
 
 
-def operate(converter: Converter, points: Points, warm: WarmStart | None = None) -> OperatingState:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """Which of N points carry their power, the most that the others do (NaN: unknown), and the state of the former."""
+
+    reached: NDArray[np.bool_]
+    most_W: Array
+    state: OperatingState
+
+
+def operate(converter: Converter, points: Points, warm: WarmStart | None = None) -> Outcome:
     """Bring N points (all of them with the bridges on) to their steady state.
 
     ``warm`` is a start that this call may write to, from a converter so near that all its points run here too.
 
     Points leave the rounds when their temperatures and power have settled, or when their power cannot be
-    reached; one last solution then states all. ``regulated.reached`` tells which points carry their power.
+    reached; one last solution then states all that run.
     """
-    station = _start(converter, points, warm)
-    busy = np.arange(len(points))
+    station, memory = _start(converter, points, warm), _Secant(len(points))
+    if station.warm is None:
+        first = station.solve(COARSE)
+        station.slow.put(np.arange(len(points)), station.ahead(first).by_name())
+        station = replace(station, warm=first.regulated)
+    else:
+        station = replace(station, warm=station.nearer())
+    busy = np.flatnonzero(station.known.reached)
     for turn in range(_ROUNDS):
         part = station.take(busy)
-        state = part.solve(_COARSE if turn < _COARSE_ROUNDS else _POWER / 2)
-        ahead = part.onward(state)
-        demanded = np.asarray(part.points.power_W)
-        missed = np.abs(state.balance.P2_W - demanded) / np.maximum(np.abs(demanded), _LEAST_W)
-        settled = (_furthest(ahead.temperatures, part.temperatures) < _KELVIN) & (missed < _POWER)
-        _put(station, busy, ahead)
-        station = replace(station, warm=_joined(station.warm, busy, state.regulated))
-        busy = busy[~settled & state.regulated.reached]
+        if turn % _CAREFUL == _CAREFUL - 1:
+            state = part.solve(FINE)
+            onward, stays = state.regulated, state.regulated.reached
+        else:
+            (state, onward), stays = part.follow(), np.ones(busy.size, dtype=bool)
+        ahead = part.ahead(state)
+        settled = state.regulated.reached & _near(part, ahead)
+        station.known.put(busy, replace(onward, reached=stays))
+        station.slow.put(busy, memory.step(busy, part.slow.by_name(), ahead.by_name()))
+        busy = busy[~settled & stays]
         if not busy.size:
             break
-    return station.solve(_POWER)
+    state = station.take(np.flatnonzero(station.known.reached)).solve(FINE)
+    reached = station.known.reached.copy()
+    reached[reached] = state.regulated.reached
+    return Outcome(reached=reached, most_W=station.known.most_W, state=state)
+
+
+def _near(part: _Station, ahead: _Slow) -> NDArray[np.bool_]:
+    """Whether temperatures and power have settled."""
+    now, then = part.slow.temperatures.by_place(), ahead.temperatures.by_place()
+    furthest_K = np.max([np.abs(now[place] - then[place]) for place in now], axis=0)
+    missed = np.abs(part.slow.target_W - ahead.target_W)
+    scale_W = np.maximum(np.abs(np.asarray(part.points.power_W)), _LEAST_W)
+    return np.asarray((furthest_K < _KELVIN) & (missed < _POWER * scale_W))
+
+
+class _Secant:
+    """Steffensen's rule on each slow variable by itself: its own last two rounds tell how far to go."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._last: dict[str, tuple[Array, Array]] = {}
+
+    def step(
+        self, rows: NDArray[np.intp], now: dict[str, Array], asked: dict[str, Array]
+    ) -> dict[str, Array]:
+        """The next values of some points, from those used and those their losses ask for."""
+        following = {}
+        for name, x in now.items():
+            unknown = (np.full(self._size, np.nan), np.full(self._size, np.nan))
+            last_x, last_g = self._last.setdefault(name, unknown)
+            g = asked[name]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = (g - last_g[rows]) / (x - last_x[rows])
+            slope = np.where(np.isfinite(slope), np.clip(slope, -0.3, 0.5), 0.0)
+            following[name] = x + (g - x) / (1.0 - slope)
+            last_x[rows], last_g[rows] = x, g
+        return following
 
 
 def carries(converter: Converter, points: Points) -> NDArray[np.bool_]:
     """Whether N points can run, at the temperatures of a moderate load: a first look, without the fixed point."""
     warm = replace(points, ambient_C=np.asarray(points.ambient_C) + _MODERATE_K)
-    return _start(converter, warm, None).solve(_COARSE).regulated.reached
-
-
-def _put(station: _Station, rows: NDArray[np.intp], part: _Station) -> None:
-    """Write a part's temperatures, targets and currents back."""
-    now = station.temperatures.by_place()
-    for place, values in part.temperatures.by_place().items():
-        now[place][rows] = values
-    station.target_W[rows] = part.target_W
-    station.I1_A[rows] = part.I1_A
-
-
-def _joined(whole: Regulated | None, rows: NDArray[np.intp], part: Regulated) -> Regulated:
-    """A warm start for all, in which some rows are renewed."""
-    if whole is None:
-        return part
-    whole.phase[rows] = part.phase
-    whole.most_W[rows] = part.most_W
-    whole.reached[rows] = part.reached
-    whole.orbit.start_A[rows] = part.orbit.start_A
-    whole.orbit.delay[:, rows] = part.orbit.delay
-    return whole
+    return _start(converter, warm, None).solve(COARSE).regulated.reached

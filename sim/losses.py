@@ -14,7 +14,8 @@ from sim.bridges import Scheme, Transition, primary_scheme, secondary_scheme, sw
 from sim.circuit import Temperatures
 from sim.parameters import Converter, Quantity, Switch
 from sim.soft_switching import Commutation, residual_energy
-from sim.steady_state import Orbit, Pieces
+from sim.steady_state import Orbit
+from sim.waveform import Pieces
 
 Array = NDArray[np.float64]
 

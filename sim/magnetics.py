@@ -24,7 +24,7 @@ from scipy.special import gamma
 
 from sim.circuit import Temperatures
 from sim.parameters import Converter, Core, Quantity, Winding
-from sim.steady_state import Pieces
+from sim.waveform import Pieces
 
 Array = NDArray[np.float64]
 

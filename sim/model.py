@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.converter_data import converter_to_plain
 from sim.effects.catalogue import effect
 from sim.operating_points import Points
-from sim.parameters import Converter, NpcBridge
+from sim.parameters import Converter
 from sim.prototype import prototype
 
 Array = NDArray[np.float64]
@@ -71,8 +71,7 @@ class Model:
 
     def as_plain(self) -> dict[str, Any]:
         """Plain data: the converter (by name where it is the prototype), modulation, effects with their values."""
-        converter = replace(self.converter, modulation=prototype().modulation)
-        known = isinstance(self.converter.primary, NpcBridge) and converter == prototype()
+        known = self.converter == replace(prototype(), modulation=self.converter.modulation)
         return {
             "modulation": self.converter.modulation,
             "converter": self.converter.name if known else converter_to_plain(self.converter),

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def _wrap(x: Array) -> Array:
-    return np.mod(x + 1.0, 2.0) - 1.0
+    return x - 2.0 * np.floor(0.5 * x + 0.5)
 
 
 def power_share(edges: Array) -> tuple[Array, Array]:

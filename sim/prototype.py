@@ -6,6 +6,7 @@ core, winding or cooling: those below are one plausible design, each marked ``As
 
 from sim.datasheet import load_diode, load_switch
 from sim.parameters import Converter, Core, FullBridge, Inductor, NpcBridge, Transformer, Winding
+from sim.voltage_loop import VoltageLoop
 
 # Assumption: a power ferrite near 100 degC, 57 kW/m3 at 25 kHz and 0.2 T, 375 kW/m3 at 100 kHz and 0.2 T.
 _FERRITE = {"k": 3.9, "alpha": 1.36, "beta": 2.6}
@@ -51,4 +52,19 @@ def prototype() -> Converter:
         input_cable_Ohm=0.0,  # the analyzer senses at the terminals
         output_cable_Ohm=0.0,  # the analyzer senses at the terminals
         heatsink_K_per_W=1.0,  # Assumption: one heatsink with a small fan for all semiconductors
+    )
+
+
+def prototype_voltage_loop() -> VoltageLoop:
+    """The loop around the output voltage; the paper gives neither capacitor nor gains.
+
+    Assumption: the crossover is 900 Hz where the phase acts most, n V1 / (2 fs Lk) = 64 A per unit: the delay of one
+    and a half periods takes 24 degrees there, the PI's zero at a fifth of it 11. The capacitor is so large that a load
+    step of half the rated power, 7.1 A, moves V2 by about 1 % in the time that the loop needs, 1 / (2 pi 900 Hz).
+    """
+    return VoltageLoop(
+        capacitance_F=1.0e-3,  # Assumption: 7.1 A * 177 us / 1.4 V = 0.9 mF
+        proportional_per_V=0.088,  # Assumption: 2 pi 900 Hz * 1 mF / 64 A
+        integral_per_V_s=100.0,  # Assumption: zero at 180 Hz
+        load_filter_s=100e-6,  # Assumption: two switching periods
     )

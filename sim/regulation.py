@@ -1,9 +1,11 @@
 """The controller's job: the phase at which a demanded power arrives, on the rising branch.
 
-Power to the primary is the mirror image, of phase and power: the search runs in forward terms for both.
+Newton's rule on orbit and phase together (:mod:`sim.steady_state`) finds it nearly everywhere, from the lossless phase
+or from a solution nearby. What it does not settle, or settles where power does not clearly rise, is looked for again in
+a bracket: close to the most that can flow, and beyond it. Power to the primary is the mirror image, of phase and
+power: the search runs in forward terms for both.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,19 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import Circuit, Orbit, lossless_start_A, periodic
+from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, orbit_at, periodic, settle, step_once
+from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
 
 _LEAST_W = 10.0  # scale of the tolerance for small powers
-_SHIFT = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
 _ROOT_STEPS = 40
-_PEAK_SCAN = np.linspace(0.04, 0.52, 25)
-_PEAK_STEPS = 8  # golden section narrows the phase to 1e-3, the power near its peak to 1e-5
-_BISECT = 6  # every so many steps the bracket is halved, in case the secant creeps
-_NEAR = 0.5  # of the lossless peak: dead time and losses lower that of narrow pulses by a third
+_BISECT = 4  # every so many steps the bracket is halved, in case the secant creeps
+_SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: three scans narrow the phase to 1e-3, the power to 1e-5
+_SCANS = 3
+_SCAN_ROUNDS = 3  # of Newton's rule: its error is then below that of the scan
+_WIDE = (0.25, 0.27)  # centre and half width of the first scan, in Th: phases from -0.02 to 0.52
 _PEAK_ABOVE = 0.95  # the peak stands above the power at phase 1/2 by less than this leaves
-_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+_FLAT = 0.42  # where the lossless power is within 3 % of its most, Newton's rule is not asked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +43,10 @@ class Regulated:
     reached: NDArray[np.bool_]
     most_W: Array
 
+    def state(self) -> Array:
+        """Start current, delays and phase, shape (6, N)."""
+        return np.concatenate([self.orbit.start_A[None], self.orbit.delay, self.phase[None]])
+
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """Some of the points, to start from again."""
         return replace(
@@ -51,37 +58,11 @@ class Regulated:
             most_W=self.most_W[chosen],
         )
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Probe:
-    """A circuit, its edges at phase 0 and the warm start that each solution leaves for the next.
-
-    What is kept of a start current is its excess over the lossless one, which hardly moves with the phase.
-    ``way`` is 1 where power is wanted at the secondary, -1 where at the primary; phase and power are counted that way.
-    """
-
-    circuit: Circuit
-    edges: Array
-    way: Array
-    excess_A: Array
-    delay: Array
-
-    def power(self, phase: Array, chosen: NDArray[np.intp]) -> Array:
-        """Power at a phase for some of the points; keeps the orbit as their next start."""
-        return self.way[chosen] * self.orbit(phase, chosen).output_power_W()
-
-    def orbit(self, phase: Array, chosen: NDArray[np.intp]) -> Orbit:
-        """The orbit at a phase for some of the points."""
-        circuit, edges = (
-            self.circuit.take(chosen),
-            self.edges[:, chosen] + _SHIFT * (self.way[chosen] * phase),
-        )
-        delay = self.delay[:, chosen]
-        guess = lossless_start_A(circuit, edges + delay) + self.excess_A[chosen]
-        orbit = periodic(circuit, edges, guess, delay)
-        self.delay[:, chosen] = orbit.delay
-        self.excess_A[chosen] = orbit.start_A - lossless_start_A(circuit, edges + orbit.delay)
-        return orbit
+    def put(self, rows: NDArray[np.intp], part: "Regulated") -> None:
+        """Renew some of the points, but for their pieces and commutations."""
+        self.phase[rows], self.limit[rows] = part.phase, part.limit
+        self.reached[rows], self.most_W[rows] = part.reached, part.most_W
+        self.orbit.start_A[rows], self.orbit.delay[:, rows] = part.orbit.start_A, part.orbit.delay
 
 
 def lossless_scale_W(circuit: Circuit) -> Array:
@@ -89,54 +70,31 @@ def lossless_scale_W(circuit: Circuit) -> Array:
     return circuit.V1_V * circuit.nV2_V * circuit.half_period_s / circuit.inductance_H
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Search:
-    """A secant kept in a bracket, for N points at once; its arrays (N,) are worked on in place."""
+def follow(circuit: Circuit, edges: Array, target_W: Array, near: Regulated) -> tuple[Regulated, Regulated]:
+    """One step of Newton's rule from a solution nearby: what is there now, and where to go on.
 
-    goal_W: Array
-    ideal_slope_W: Callable[[Array, NDArray[np.intp]], Array]
-    limit: Array
-    most_W: Array
-    phase: Array
-    low: Array
-    high: Array
-    last_phase: Array
-    last_W: Array
-    reached: NDArray[np.bool_]
-    short: NDArray[np.bool_]
+    ``reached`` of the first tells where it is nearly settled already. Arguments are those of :func:`regulate`.
+    """
+    demand = _demand(circuit, edges, target_W, near.limit)
+    ahead, orbit, met = step_once(circuit, edges, near.state(), demand)
+    now = replace(near, orbit=orbit, reached=met)
+    return now, replace(near, phase=ahead[5], orbit=replace(orbit, start_A=ahead[0], delay=ahead[1:5]))
 
-    def busy(self) -> NDArray[np.intp]:
-        """Points neither reached nor out of reach."""
-        return np.flatnonzero(~self.reached & ~self.short)
 
-    def learn(self, busy: NDArray[np.intp], power_W: Array, tolerance: float) -> None:
-        """Judge the power at the present phases and narrow the brackets."""
-        x, goal_W = self.phase[busy], self.goal_W[busy]
-        error = goal_W - power_W
-        self.reached[busy] = np.abs(error) <= tolerance * np.maximum(goal_W, _LEAST_W)
-        top = (error > 0) & (x >= self.limit[busy]) & ~self.reached[busy]
-        self.most_W[busy[top]], self.short[busy[top]] = power_W[top], True
-        self.low[busy] = np.where(error > 0, x, self.low[busy])
-        self.high[busy] = np.where(error <= 0, x, self.high[busy])
-
-    def move(self, busy: NDArray[np.intp], power_W: Array, *, bisect: bool) -> None:
-        """Step to the secant's root, or halve the bracket where that falls outside or ``bisect``."""
-        x, error = self.phase[busy], self.goal_W[busy] - power_W
-        low, high, limit = self.low[busy], self.high[busy], self.limit[busy]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            secant = (power_W - self.last_W[busy]) / (x - self.last_phase[busy])
-        ideal = self.ideal_slope_W(x, busy)
-        slope = np.where(np.isfinite(secant) & (secant > 0.02 * ideal) & (secant < 5 * ideal), secant, ideal)
-        self.last_phase[busy], self.last_W[busy] = x, power_W
-        ahead = x + error / slope
-        outside = (ahead <= low) | (ahead >= high)
-        ahead = np.where(outside | bisect, 0.5 * (low + high), ahead)
-        ahead = np.where((high >= limit) & outside & (error > 0), limit, ahead)
-        self.phase[busy] = np.where(self.reached[busy], x, ahead)
+def _demand(circuit: Circuit, edges: Array, target_W: Array, limit: Array) -> Demand:
+    """The target, within the rising branch."""
+    way = np.where(target_W < 0, -1.0, 1.0)
+    ends = np.sort(np.stack([way * _lowest_phase(circuit, edges, way), way * limit]), axis=0)
+    return Demand(power_W=target_W, lowest=ends[0], highest=ends[1])
 
 
 def regulate(
-    circuit: Circuit, edges: Array, target_W: Array, *, warm: Regulated | None = None, tolerance: float = 2e-7
+    circuit: Circuit,
+    edges: Array,
+    target_W: Array,
+    *,
+    warm: Regulated | None = None,
+    accuracy: Accuracy = FINE,
 ) -> Regulated:
     """Solve the phase of the rising branch for a power into the ideal secondary bridge, the smallest one.
 
@@ -148,62 +106,44 @@ def regulate(
         Power to reach; negative where it flows to the primary.
     warm : Regulated, optional
         A solution nearby.
-    tolerance : float
-        Of the power, relative, with 10 W as the least scale.
-
-    The search is a secant on the lossy power, started from the lossless root and kept in a bracket that ends
-    at phase 1/2; where the power there falls a little short, the peak is searched by golden section. The
-    bracket starts below phase 0 by as much as delays of the edges can carry power there.
+    accuracy : Accuracy
+        How well orbit and power have to be met.
     """
-    scale_W, way = lossless_scale_W(circuit), np.where(target_W < 0, -1.0, 1.0)
-    probe, goal_W = _probe(circuit, edges, way, warm), way * target_W
-    if warm is None:
-        phase = phase_for_share(goal_W / scale_W, edges, way)
-        limit, most_W = _branch(probe, goal_W, scale_W)
+    way = np.where(target_W < 0, -1.0, 1.0)
+    limit = np.full(way.size, 0.5) if warm is None else warm.limit.copy()
+    most_W = np.full(way.size, np.nan) if warm is None else warm.most_W.copy()
+    demand = _demand(circuit, edges, target_W, limit)
+    state, doubtful = _start(circuit, edges, target_W, warm)
+    asked = np.flatnonzero(~doubtful)
+    if asked.size == way.size:
+        state, orbit, met = settle(circuit, edges, state, demand, accuracy=accuracy)
     else:
-        phase, limit, most_W = way * warm.phase, warm.limit.copy(), warm.most_W.copy()
-
-    def ideal_slope_W(x: Array, busy: NDArray[np.intp]) -> Array:
-        moved = edges[:, busy] + _SHIFT * (way[busy] * x)
-        return scale_W[busy] * np.maximum(power_share(moved)[1], 0.02)
-
-    search = _Search(
-        goal_W=goal_W,
-        ideal_slope_W=ideal_slope_W,
-        limit=limit,
-        most_W=most_W,
-        phase=np.minimum(phase, limit),
-        low=_lowest_phase(circuit, edges, way),
-        high=limit.copy(),
-        last_phase=np.full(target_W.size, np.nan),
-        last_W=np.full(target_W.size, np.nan),
-        reached=np.zeros(target_W.size, dtype=bool),
-        short=most_W < goal_W,
-    )
-    for step in range(_ROOT_STEPS):
-        busy = search.busy()
-        if not busy.size:
-            break
-        power_W = probe.power(search.phase[busy], busy)
-        search.learn(busy, power_W, tolerance)
-        search.move(busy, power_W, bisect=step % _BISECT == _BISECT - 1)
-    phase = search.phase
-    orbit = probe.orbit(phase, np.arange(target_W.size))
-    return Regulated(
-        phase=way * phase, limit=limit, orbit=orbit, reached=search.reached & orbit.closed, most_W=most_W
-    )
+        met = np.zeros(way.size, dtype=bool)
+        state[:, asked], _, met[asked] = settle(
+            circuit.take(asked), edges[:, asked], state[:, asked], demand.take(asked), accuracy=accuracy
+        )
+    again = np.flatnonzero(~met)
+    if again.size:
+        search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again])
+        found = search.solve(way[again] * target_W[again], accuracy.power)
+        state[:, again], met[again], limit[again], most_W[again] = found
+    if again.size or asked.size < way.size:
+        orbit = orbit_at(circuit, edges, state, accuracy)
+    return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
 
 
-def _probe(circuit: Circuit, edges: Array, way: Array, warm: Regulated | None) -> _Probe:
-    """A probe that starts from nothing, or from a solution nearby."""
-    size = edges.shape[1]
-    if warm is None:
-        nothing = np.zeros(size)
-        return _Probe(circuit=circuit, edges=edges, way=way, excess_A=nothing, delay=np.zeros((4, size)))
-    delay = warm.orbit.delay.copy()
-    lossless = lossless_start_A(circuit, edges + _SHIFT * warm.phase + delay)
-    excess_A = warm.orbit.start_A - lossless
-    return _Probe(circuit=circuit, edges=edges, way=way, excess_A=excess_A, delay=delay)
+def _start(
+    circuit: Circuit, edges: Array, target_W: Array, warm: Regulated | None
+) -> tuple[Array, NDArray[np.bool_]]:
+    """A state (6, N) to start from, and where that is too near the peak for Newton's rule."""
+    if warm is not None:
+        return warm.state(), ~warm.reached
+    way = np.where(target_W < 0, -1.0, 1.0)
+    size = phase_for_share(way * target_W / lossless_scale_W(circuit), edges, way)
+    state = np.zeros((6, way.size))
+    state[5] = way * size
+    state[0] = lossless_start_A(circuit, edges + SHIFT * state[5])
+    return state, size > _FLAT
 
 
 def _lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
@@ -212,34 +152,154 @@ def _lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
     return np.asarray(-way * between_centres - 2.0 * circuit.dead_time_s / circuit.half_period_s)
 
 
-def _branch(probe: _Probe, target_W: Array, scale_W: Array) -> tuple[Array, Array]:
-    """Highest phase of the rising branch, and the power there where the target comes near it (else NaN)."""
-    limit, most_W = np.full(target_W.size, 0.5), np.full(target_W.size, np.nan)
-    ceiling = probe.way * scale_W * power_share(probe.edges + 0.5 * _SHIFT * probe.way)[0]
-    near = np.flatnonzero(target_W > _NEAR * ceiling)
-    if near.size:
-        most_W[near] = probe.power(limit[near], near)
-        little = near[(most_W[near] < target_W[near]) & (most_W[near] > _PEAK_ABOVE * target_W[near])]
-        if little.size:
-            limit[little], most_W[little] = _peak(probe, little)
-    return limit, most_W
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bracketed:
+    """A circuit, its edges at phase 0, and the start that each solution leaves for the next; phases in forward terms.
 
-
-def _peak(probe: _Probe, points: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Phase and power at the peak of some points: the best of a coarse scan, then golden section around it.
-
-    The scan is there because a leg that turns from hard to soft near the peak can give it a second summit.
+    What is kept of a start current is its excess over the lossless one, which hardly moves with the phase.
     """
-    coarse = np.stack([probe.power(np.full(points.size, phase), points) for phase in _PEAK_SCAN])
-    best, step = _PEAK_SCAN[np.argmax(coarse, axis=0)], _PEAK_SCAN[1] - _PEAK_SCAN[0]
-    a, b = best - step, best + step
-    c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-    at_c, at_d = probe.power(c, points), probe.power(d, points)
-    for _ in range(_PEAK_STEPS):
-        left = at_c > at_d
-        a, b = np.where(left, a, c), np.where(left, d, b)
-        new = np.where(left, b - _GOLDEN * (b - a), a + _GOLDEN * (b - a))
-        at_new = probe.power(new, points)
-        c, d = np.where(left, new, d), np.where(left, c, new)
-        at_c, at_d = np.where(left, at_new, at_d), np.where(left, at_c, at_new)
-    return np.where(at_c > at_d, c, d), np.maximum(at_c, at_d)
+
+    circuit: Circuit
+    edges: Array
+    way: Array
+    excess_A: Array
+    delay: Array
+
+    @classmethod
+    def of(cls, circuit: Circuit, edges: Array, way: Array, state: Array) -> Self:
+        """From wherever Newton's rule has left the points: their delays are kept, their currents not trusted."""
+        return cls(
+            circuit=circuit, edges=edges, way=way, excess_A=np.zeros(way.size), delay=state[1:5].copy()
+        )
+
+    def power(self, phase: Array, chosen: NDArray[np.intp]) -> Array:
+        """Power at a phase for some of the points; keeps the orbit as their next start."""
+        orbit = self._orbit(phase, chosen)
+        at = self.edges[:, chosen] + SHIFT * (self.way[chosen] * phase) + orbit.delay
+        self.delay[:, chosen] = orbit.delay
+        self.excess_A[chosen] = orbit.start_A - lossless_start_A(self.circuit.take(chosen), at)
+        return np.asarray(self.way[chosen] * orbit.output_power_W())
+
+    def powers(self, phases: Array, chosen: NDArray[np.intp]) -> Array:
+        """Powers at many phases (K, M) of some of the points, all at once."""
+        repeated = np.tile(chosen, phases.shape[0])
+        circuit, edges, guess = self._guess(phases.ravel(), repeated)
+        _, orbit, _ = settle(circuit, edges, guess, None, rounds=_SCAN_ROUNDS)
+        return np.asarray((self.way[repeated] * orbit.output_power_W()).reshape(phases.shape))
+
+    def _guess(self, phase: Array, chosen: NDArray[np.intp]) -> tuple[Circuit, Array, Array]:
+        """Circuit, edges and first state (6, M) of some of the points at a phase."""
+        circuit = self.circuit.take(chosen)
+        edges, delay = self.edges[:, chosen] + SHIFT * (self.way[chosen] * phase), self.delay[:, chosen]
+        start_A = lossless_start_A(circuit, edges + delay) + self.excess_A[chosen]
+        return circuit, edges, np.concatenate([start_A[None], delay, np.zeros((1, phase.size))])
+
+    def _orbit(self, phase: Array, chosen: NDArray[np.intp]) -> Orbit:
+        circuit, edges, guess = self._guess(phase, chosen)
+        return periodic(circuit, edges, guess[0], guess[1:5])
+
+    def solve(self, goal_W: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_], Array, Array]:
+        """States (6, N), whether the power is met, the end of the rising branch, and the most that flows."""
+        limit, most_W = self._branch(goal_W)
+        search = _Search.between(_lowest_phase(self.circuit, self.edges, self.way), limit, goal_W)
+        search.short[:] = most_W < goal_W * (1.0 - tolerance)
+        for step in range(_ROOT_STEPS):
+            busy = search.busy()
+            if not busy.size:
+                break
+            power_W = self.power(search.phase[busy], busy)
+            search.learn(busy, power_W, tolerance)
+            search.move(busy, power_W, bisect=step % _BISECT == _BISECT - 1)
+        everywhere = np.arange(goal_W.size)
+        self.power(search.phase, everywhere)
+        at = self.edges + SHIFT * (self.way * search.phase)
+        start_A = self.excess_A + lossless_start_A(self.circuit, at + self.delay)
+        state = np.concatenate([start_A[None], self.delay, (self.way * search.phase)[None]])
+        return state, search.reached, limit, most_W
+
+    def _branch(self, goal_W: Array) -> tuple[Array, Array]:
+        """Highest phase of the rising branch, and the power there."""
+        everywhere = np.arange(goal_W.size)
+        limit = np.full(goal_W.size, 0.5)
+        most_W = self.power(limit, everywhere)
+        little = np.flatnonzero((most_W < goal_W) & (most_W > _PEAK_ABOVE * goal_W))
+        if little.size:
+            limit[little], most_W[little] = self._peak(little)
+        return limit, most_W
+
+    def _peak(self, points: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Phase and power at the peak of some points, by ever closer scans.
+
+        The first one is wide because a leg that turns from hard to soft near the peak can give it a second summit.
+        """
+        centre, width = np.full(points.size, _WIDE[0]), _WIDE[1]
+        for _ in range(_SCANS):
+            phases = centre + width * _SCAN[:, None]
+            powers = self.powers(phases, points)
+            best = np.argmax(powers, axis=0)
+            centre = np.take_along_axis(phases, best[None], axis=0)[0]
+            width *= _SCAN[1] - _SCAN[0]
+        return centre, np.take_along_axis(powers, best[None], axis=0)[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Search:
+    """A secant kept in a bracket, for N points at once; its arrays (N,) are worked on in place."""
+
+    goal_W: Array
+    limit: Array
+    phase: Array
+    low: Array
+    high: Array
+    last_phase: Array
+    last_W: Array
+    reached: NDArray[np.bool_]
+    short: NDArray[np.bool_]
+
+    @classmethod
+    def between(cls, low: Array, limit: Array, goal_W: Array) -> Self:
+        """A search that starts at the upper end."""
+        unknown, no = np.full(low.size, np.nan), np.zeros(low.size, dtype=bool)
+        return cls(
+            goal_W=goal_W, limit=limit, phase=limit.copy(), low=low.copy(), high=limit.copy(),
+            last_phase=unknown.copy(), last_W=unknown.copy(), reached=no.copy(), short=no.copy(),
+        )  # fmt: skip
+
+    def busy(self) -> NDArray[np.intp]:
+        """Points neither reached nor out of reach."""
+        return np.flatnonzero(~self.reached & ~self.short)
+
+    def learn(self, busy: NDArray[np.intp], power_W: Array, tolerance: float) -> None:
+        """Judge the power at the present phases and narrow the brackets."""
+        x, goal_W = self.phase[busy], self.goal_W[busy]
+        error = goal_W - power_W
+        self.reached[busy] = np.abs(error) <= tolerance * np.maximum(goal_W, _LEAST_W)
+        self.short[busy] = (error > 0) & (x >= self.limit[busy]) & ~self.reached[busy]
+        self.low[busy] = np.where(error > 0, x, self.low[busy])
+        self.high[busy] = np.where(error <= 0, x, self.high[busy])
+
+    def move(self, busy: NDArray[np.intp], power_W: Array, *, bisect: bool) -> None:
+        """Step to the secant's root, or halve the bracket where that falls outside or ``bisect``."""
+        x, error = self.phase[busy], self.goal_W[busy] - power_W
+        low, high = self.low[busy], self.high[busy]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = x + error * (x - self.last_phase[busy]) / (power_W - self.last_W[busy])
+        self.last_phase[busy], self.last_W[busy] = x, power_W
+        outside = ~((ahead > low) & (ahead < high))
+        ahead = np.where(outside | bisect, 0.5 * (low + high), ahead)
+        self.phase[busy] = np.where(self.reached[busy], x, ahead)
+
+
+def spare_power(circuit: Circuit, edges: Array, regulated: Regulated) -> Array:
+    """About how much of its power (relative) each point could add before the end of its branch, (N,).
+
+    Where the peak was not looked at it is that of the lossless curve with the delays of the solution.
+    """
+    way = np.where(regulated.phase < 0, -1.0, 1.0)
+    delayed = edges + regulated.orbit.delay
+    now = power_share(delayed + SHIFT * regulated.phase)[0]
+    most = power_share(delayed + SHIFT * (0.5 * way))[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        estimated = np.where(now == 0, np.inf, most / now - 1.0)
+        known = regulated.most_W / np.abs(regulated.orbit.output_power_W()) - 1.0
+    return np.where(np.isfinite(known), known, estimated)

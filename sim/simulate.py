@@ -195,17 +195,16 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solutio
         if not rows.size:
             continue
         at = points.take(rows)
-        state = operate(
-            pick(converter, rows), at, None if start is None else start.start.take(place[place >= 0])
-        )
-        for k in np.flatnonzero(~state.regulated.reached).tolist():
-            reason[rows[k]] = _why_not(state, k)
-        kept = np.flatnonzero(state.regulated.reached)
-        for name, value in _columns(state, at).items():
-            values[name][rows[kept]] = value[kept]
+        warm = None if start is None else start.start.take(place[place >= 0])
+        outcome = operate(pick(converter, rows), at, warm)
+        for k in np.flatnonzero(~outcome.reached).tolist():
+            reason[rows[k]] = _why_not(float(outcome.most_W[k]))
+        there = np.flatnonzero(outcome.reached)
+        for name, value in _columns(outcome.state, at.take(there)).items():
+            values[name][rows[there]] = value
         if seed is None:
-            spare = np.flatnonzero(state.comfortable(_SPARE))
-            left = _Seed(size=size, rows=rows[spare], start=state.start().take(spare))
+            spare = np.flatnonzero(outcome.state.comfortable(_SPARE))
+            left = _Seed(size=size, rows=rows[there[spare]], start=outcome.state.start().take(spare))
     for name in ("P1_W", "I1_A", "P2_W", "loss_added_W"):
         values[name][standby] = 0.0
     values["T_heatsink_C"][standby] = np.asarray(points.ambient_C)[standby]
@@ -225,10 +224,9 @@ def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
     return reason
 
 
-def _why_not(state: OperatingState, k: int) -> str:
-    most = state.regulated.most_W[k]
-    if np.isfinite(most):
-        return f"D1 and D2 carry at most {most:.0f} W into the secondary bridge"
+def _why_not(most_W: float) -> str:
+    if np.isfinite(most_W):
+        return f"D1 and D2 carry at most {most_W:.0f} W into the secondary bridge"
     return "no steady state found"
 
 

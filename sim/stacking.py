@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.parameters import Converter, ParameterError
 
-_FIXED = {"frequency_Hz", "junction_V", "grading", "alpha", "beta", "area_m2", "volume_m3", "turns",
+FIXED = {"frequency_Hz", "junction_V", "grading", "alpha", "beta", "area_m2", "volume_m3", "turns",
           "turns_ratio", "V1_V", "V2_V", "rated_power_W", "part", "name", "synchronous", "modulation",
           "tolerances"}  # fmt: skip
 
@@ -34,7 +34,7 @@ def _stack(objects: list[Any], repeats: int) -> Any:
         if is_dataclass(values[0]):
             changed[field.name] = _stack(values, repeats)
         elif any(v != values[0] for v in values[1:]):
-            if field.name in _FIXED:
+            if field.name in FIXED:
                 raise ParameterError(f"variants differ in {type(first).__name__}.{field.name}: {set(values)}")
             changed[field.name] = np.repeat(np.array(values, dtype=float), repeats)
     return replace(first, **changed)

@@ -1,132 +1,64 @@
-r"""The exact periodic steady state of the ac link.
+r"""The exact periodic steady state of the ac link, and the phase at which a power flows in it.
 
-Between two steps of a bridge the link obeys
+Half-wave symmetry i(Th) = -i(0) closes an orbit (:mod:`sim.waveform`); each of its four edges is delayed by what its
+dead time makes of the current there (:mod:`sim.dead_times`). For start current, four delays and, where a power is
+demanded, the phase, that are six equations
 
-.. math:: L \, \dot\imath = v_p - n v_s - \sigma V_0 - R \, (i + \tau \dot\imath), \qquad \sigma = \operatorname{sign} i
+.. math:: i(T_h) + i(0) = 0, \qquad D_k(i(t_k)) - d_k = 0, \qquad \langle n v_s i \rangle - P = 0
 
-with the drops V0 and R of whatever conducts: the active state with the current along or against the voltage,
-or the zero state. A resistor L / tau beside the inductance carries tau di/dt: the windings' eddy currents, whose
-resistance rises with frequency squared. What leaves the bridges' terminals is i + tau di/dt. Each stretch is solved by
-its exponential, cut where the current crosses zero (a current that the remaining voltage cannot lift over V0 stays at
-zero). Half-wave symmetry i(Th) = -i(0) closes the orbit; the delays of the four
-edges follow from the currents at the edges (:mod:`sim.soft_switching`). Everything is vectorised over operating points.
-
-Assumption: the secondary's resistances are referred to the primary and carry the link current, and the
-magnetizing inductance lies across the ideal secondary bridge, so its current is a triangle of its own.
+solved by Newton's rule at all points at once. Its Jacobian is that of the lossless link, in which a later flip of a
+step of J volts takes J/L from the current afterwards, with the derivatives that the dead times hand back; drops are
+small against voltages, so it is right to a few per cent and the error falls by as much a step. Where dead times bend,
+steps are halved; orbits that still do not close are left to Anderson acceleration, points whose power is not met to
+the bracketed search in :mod:`sim.regulation`.
 """
 
-from dataclasses import dataclass, fields, replace
-from typing import Self
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.decay import decay_integral, decay_moment, decay_square
-from sim.soft_switching import CURVE_POINTS, Commutation, commutate, read_curves
+from sim.dead_times import EdgeView, commutations, magnetizing_current
+from sim.soft_switching import Commutation
+from sim.waveform import Circuit, Pieces, Steps, lossless_start_A, march
+
+__all__ = [
+    "Circuit",
+    "Demand",
+    "Orbit",
+    "Pieces",
+    "lossless_start_A",
+    "magnetizing_current",
+    "periodic",
+    "settle",
+]
 
 Array = NDArray[np.float64]
 
+_NEWTON = 14
 _SWEEPS = 120
 _RESTART = 9  # every so many sweeps a plain step, in case the acceleration chases its tail
-_CLOSED = 1e-10  # of the largest current: far below anything measured, above rounding
-_SETTLED = 1e-9  # of a half period, 25 fs at 20 kHz
+_FURTHEST = 0.08  # Th that a phase may move in a step
+_LEAST_W = 10.0  # scale of the tolerance for small powers
+_ROOMY = 0.6  # of the points in work: with fewer left they move to arrays of their own
+SHIFT = np.array([0.0, 0.0, 1.0, 1.0])[:, None]  # a phase moves the secondary's edges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circuit:
-    """What the solver needs of a converter at N operating points; arrays have shape (N,) unless told.
+class Accuracy:
+    """How well an orbit closes: in current (relative, from 1 A on), delays (Th), power (relative, from 10 W)."""
 
-    ``forward``, ``reverse``, ``zero`` are the loop's drops (threshold in V, resistance in Ohm, shape (2, N))
-    in the active state with the current along vp, against it, and in the zero state; ``secondary`` (3, 2, N) are those
-    that depend on the secondary's state instead (current out of it along its voltage, against it, zero state), and
-    ``eddy_s`` is tau. ``charge_C`` (4, N) moves each leg through its swing along the ``curve``-th of its ``curves``
-    (4, G, 65), shared by all points.
-    """
-
-    V1_V: Array
-    nV2_V: Array
-    turns_ratio: Array
-    inductance_H: Array
-    magnetizing_H: Array
-    half_period_s: Array
-    dead_time_s: Array
-    forward: Array
-    reverse: Array
-    zero: Array
-    charge_C: Array
-    curves: Array
-    curve: NDArray[np.intp]
-    secondary: Array | None = None
-    eddy_s: Array | float = 0.0
-
-    def take(self, chosen: NDArray[np.intp]) -> Self:
-        """The circuit at some of its points."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "curves"}
-        of_points = {
-            name: value[..., chosen] for name, value in values.items() if isinstance(value, np.ndarray)
-        }
-        return replace(self, **of_points)
+    closed: float
+    settled: float
+    power: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pieces:
-    """The half period in ten exponential pieces (some empty), arrays of shape (10, N).
-
-    In a piece that starts at ``start_s`` the current is ``i e^(-a t) + w (1 - e^(-a t)) / a`` with
-    i = ``current_A``, w = ``drive_A_per_s``, a = ``decay_per_s``; ``sign`` is that of the current. Integrals are of
-    what leaves the terminals, the current and ``eddy_s`` times its slope.
-    """
-
-    start_s: Array
-    duration_s: Array
-    current_A: Array
-    drive_A_per_s: Array
-    decay_per_s: Array
-    sign: Array
-    vp_V: Array
-    nvs_V: Array
-    eddy_s: Array | float = 0.0
-
-    def current_at(self, time_s: Array) -> Array:
-        """Link current in A at times of the half period [0, Th], shape (..., N)."""
-        index = np.sum(time_s[None] >= self.start_s.reshape(10, *(1,) * (time_s.ndim - 1), -1), axis=0) - 1
-        index = np.clip(index, 0, 9).reshape(-1, time_s.shape[-1])
-
-        def pick(values: Array) -> Array:
-            return np.take_along_axis(values, index, axis=0).reshape(time_s.shape)
-
-        t = time_s - pick(self.start_s)
-        first = t * decay_integral(pick(self.decay_per_s) * t)
-        return pick(self.current_A) + first * (
-            pick(self.drive_A_per_s) - pick(self.decay_per_s) * pick(self.current_A)
-        )
-
-    def charge(self) -> Array:
-        """Integral of the terminal current over each piece, in A s."""
-        x, T = self.decay_per_s * self.duration_s, self.duration_s
-        passed = T * (self.current_A * decay_integral(x) + self.drive_A_per_s * T * decay_moment(x))
-        return np.asarray(passed + self.eddy_s * (self.end_A - self.current_A))
-
-    def square(self) -> Array:
-        """Integral of the squared terminal current over each piece, in A^2 s."""
-        T, i, w = self.duration_s, self.current_A, self.drive_A_per_s
-        x = self.decay_per_s * T
-        plain = T * (
-            i**2 * decay_integral(2 * x) + w * T * (i * decay_integral(x) ** 2 + w * T * decay_square(x))
-        )
-        eddy = self.eddy_s * (self.end_A**2 - i**2 + self.eddy_s * self.squared_slope())
-        return np.asarray(plain + eddy)
-
-    def squared_slope(self) -> Array:
-        """Integral of (di/dt)^2 over each piece, in A^2/s."""
-        first = self.drive_A_per_s - self.decay_per_s * self.current_A
-        return np.asarray(first**2 * self.duration_s * decay_integral(2 * self.decay_per_s * self.duration_s))
-
-    @property
-    def end_A(self) -> Array:
-        """Current at the end of each piece, in A."""
-        first = self.duration_s * decay_integral(self.decay_per_s * self.duration_s)
-        return np.asarray(self.current_A + first * (self.drive_A_per_s - self.decay_per_s * self.current_A))
+FINE = Accuracy(
+    closed=1e-10, settled=1e-9, power=2e-7
+)  # 25 fs at 20 kHz: far below anything measured, above rounding
+NEAR = Accuracy(closed=1e-6, settled=1e-6, power=1e-5)  # one step of Newton's rule from there is fine
+COARSE = Accuracy(closed=1e-5, settled=1e-5, power=1e-3)  # while something else still moves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,194 +78,307 @@ class Orbit:
         """Start current and delays at some points, enough to start from again."""
         return replace(self, start_A=self.start_A[chosen], delay=self.delay[:, chosen])
 
+    def renewed(self, rows: NDArray[np.intp], part: "Orbit") -> "Orbit":
+        """This orbit with some of its points taken from another one; its arrays are written to."""
+        _put(self, rows, part)
+        return self
+
     def output_power_W(self) -> Array:
         """Mean of n vs i over the half period: power into the ideal secondary bridge."""
-        return self._mean_power_W(self.pieces.nvs_V)
+        return _mean_power_W(self.pieces, self.pieces.nvs_V)
 
     def input_power_W(self) -> Array:
         """Mean of vp i over the half period: power out of the ideal primary bridge."""
-        return self._mean_power_W(self.pieces.vp_V)
+        return _mean_power_W(self.pieces, self.pieces.vp_V)
 
-    def _mean_power_W(self, voltage_V: Array) -> Array:
-        """Mean of a voltage, (10, N) over the pieces, times the current."""
-        return np.asarray(
-            np.sum(voltage_V * self.pieces.charge(), axis=0) / np.sum(self.pieces.duration_s, axis=0)
+
+def _put(whole: Any, rows: NDArray[np.intp], part: Any) -> None:
+    for field in fields(whole):
+        mine, other = getattr(whole, field.name), getattr(part, field.name)
+        if is_dataclass(mine):
+            _put(mine, rows, other)
+        elif isinstance(mine, np.ndarray):
+            mine[..., rows] = other
+
+
+def _mean_power_W(pieces: Pieces, voltage_V: Array) -> Array:
+    """Mean of a voltage, (10, N) over the pieces, times the current."""
+    return np.asarray(np.sum(voltage_V * pieces.charge(), axis=0) / np.sum(pieces.duration_s, axis=0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demand:
+    """A power into the ideal secondary bridge (N,), and the phases (N,) to look between."""
+
+    power_W: Array
+    lowest: Array
+    highest: Array
+
+    def take(self, chosen: NDArray[np.intp]) -> Self:
+        """Some of the points."""
+        return replace(
+            self, power_W=self.power_W[chosen], lowest=self.lowest[chosen], highest=self.highest[chosen]
         )
 
 
-def _levels(circuit: Circuit, flips: Array) -> tuple[Array, Array, Array]:
-    """Durations of the five stretches of a half period, and vp and n vs in each, all (5, N)."""
-    turn = np.floor(flips)
-    place = flips - turn
-    after = 1.0 - 2.0 * np.mod(turn, 2.0)  # sign of each square wave after its flip
-    half = np.stack([circuit.V1_V, circuit.V1_V, circuit.nV2_V, circuit.nV2_V]) / 2
-    order = np.argsort(place, axis=0)
-    zero = np.zeros_like(place[:1])
-    times = np.concatenate([zero, np.take_along_axis(place, order, axis=0), zero + 1.0])
-    jump = 2 * half * after
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Sweep:
+    """One half period and its dead times from a state (6, N): start current, delays, phase."""
 
-    def staircase(rows: slice) -> Array:
-        mask = np.zeros((4, 1))
-        mask[rows] = 1.0
-        steps = np.take_along_axis(jump * mask, order, axis=0)
-        first = -np.sum((half * after)[rows], axis=0, keepdims=True)
-        return np.concatenate([first, first + np.cumsum(steps, axis=0)])
+    flips: Array
+    steps: Steps
+    pieces: Pieces
+    commutation: Commutation
+    view: EdgeView
+    gap_A: Array
+    late: Array  # delays that the dead times make, less those assumed
 
-    return np.diff(times, axis=0) * circuit.half_period_s, staircase(slice(0, 2)), staircase(slice(2, 4))
+    @classmethod
+    def of(cls, circuit: Circuit, edges: Array, state: Array) -> "_Sweep":
+        edges = edges + SHIFT * state[5]
+        flips = edges + state[1:5]
+        steps = Steps.of(circuit, flips)
+        pieces = march(circuit, steps, state[0])
+        commutation, view = commutations(circuit, edges, flips, steps, pieces)
+        return cls(
+            flips=flips, steps=steps, pieces=pieces, commutation=commutation, view=view,
+            gap_A=pieces.end_A[-1] + state[0],
+            late=commutation.delay_s / circuit.half_period_s - state[1:5],
+        )  # fmt: skip
 
+    def closes(self, start_A: Array, accuracy: Accuracy) -> NDArray[np.bool_]:
+        """Whether current and delays came back to themselves."""
+        near = np.abs(self.gap_A) <= accuracy.closed * (1.0 + np.abs(start_A))
+        return np.asarray(near & np.all(np.abs(self.late) <= accuracy.settled, axis=0))
 
-def lossless_start_A(circuit: Circuit, flips: Array) -> Array:
-    """Start current (N,) of the orbit without drops: minus half of what the voltages add in a half period."""
-    duration, vp, nvs = _levels(circuit, flips)
-    return np.asarray(-0.5 * np.sum(duration * (vp - nvs), axis=0) / circuit.inductance_H)
-
-
-def _drops(circuit: Circuit, vp_V: Array, nvs_V: Array, sign: Array) -> tuple[Array, Array]:
-    """Threshold and resistance (N,) of the conducting path."""
-    along = vp_V * sign
-    live = np.abs(vp_V) > 0.5 * circuit.V1_V
-    V0, R = np.where(live, np.where(along > 0, circuit.forward, circuit.reverse), circuit.zero)
-    if circuit.secondary is None:
-        return V0, R
-    along, live = -nvs_V * sign, np.abs(nvs_V) > 0.5 * circuit.nV2_V
-    own = np.where(
-        live, np.where(along > 0, circuit.secondary[0], circuit.secondary[1]), circuit.secondary[2]
-    )
-    return V0 + own[0], R + own[1]
+    def orbit(self, state: Array, accuracy: Accuracy) -> Orbit:
+        """The orbit that this sweep is, if it closes."""
+        return Orbit(
+            start_A=state[0], delay=state[1:5], pieces=self.pieces, commutation=self.commutation,
+            closed=self.closes(state[0], accuracy),
+        )  # fmt: skip
 
 
-def _march(circuit: Circuit, flips: Array, start_A: Array) -> Pieces:
-    """Follow the current through a half period from ``start_A``."""
-    duration, vp, nvs = _levels(circuit, flips)
-    shape = (10, *start_A.shape)
-    length, current, drive, decay, signs = (np.zeros(shape) for _ in range(5))
-    i = start_A
-    for k in range(5):
-        v, left = vp[k] - nvs[k], duration[k]
-        sign = np.where(i != 0, np.sign(i), np.sign(v))
-        for half in (2 * k, 2 * k + 1):
-            V0, R = _drops(circuit, vp[k], nvs[k], sign)
-            held = (i == 0) & (np.abs(v) <= V0)
-            inertia_H = circuit.inductance_H + R * circuit.eddy_s
-            a = R / inertia_H
-            w = np.where(held, 0.0, (v - sign * V0) / inertia_H)
-            slope = w - a * i
-            end = i + slope * left * decay_integral(a * left)
-            crosses = (end * sign < 0) & (i != 0)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                # time to zero from i + slope (1 - e^(-a t)) / a = 0
-                until = np.where(crosses, _log_ratio(a * i / slope) * -i / slope, left)
-            length[half], current[half], drive[half], decay[half], signs[half] = until, i, w, a, sign
-            i = np.where(crosses, 0.0, end)
-            left = left - until
-            sign = np.where(crosses, np.sign(v), sign)
-    begin = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)[:-1]])
-    return Pieces(
-        start_s=begin, duration_s=length, current_A=current, drive_A_per_s=drive, decay_per_s=decay,
-        sign=signs, vp_V=np.repeat(vp, 2, axis=0), nvs_V=np.repeat(nvs, 2, axis=0), eddy_s=circuit.eddy_s,
-    )  # fmt: skip
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Response:
+    """What a small change does to the rest of a half period: of the start by 1 A, then of each leg's flip by 1 Th.
+
+    ``at_edges`` (5, 4, N) is the change of the current at each edge, ``at_end`` (5, N) that at the end, ``power_W``
+    (5, N) that of the mean power.
+    """
+
+    at_edges: Array
+    at_end: Array
+    power_W: Array
+
+    @classmethod
+    def of(cls, circuit: Circuit, sweep: _Sweep) -> "_Response":
+        pieces, steps, Th = sweep.pieces, sweep.steps, circuit.half_period_s
+        drive, decay, length = pieces.drive_A_per_s, pieces.decay_per_s, pieces.duration_s
+        x = decay * length
+        # what passes a stretch decays, and is scaled where the current's zero crossing moves
+        crossing = length[1::2] > 0
+        scaled = np.where(crossing, drive[1::2] / np.where(crossing, drive[::2], 1.0), 1.0)
+        kept = np.exp(-(x[::2] + x[1::2])) * scaled
+        share = steps.nvs_V * (steps.duration_s / Th) * np.sqrt(np.abs(kept))
+        after = (drive[1:9:2] - drive[2::2] - (decay[1:9:2] - decay[2::2]) * pieces.current_A[2::2]) * Th
+        # changes (second axis) by flips in order, as they are when a stretch (first axis) begins
+        there = np.zeros((5, 5, Th.size))
+        there[0, 0], power = 1.0, np.zeros((5, Th.size))
+        for k in range(5):
+            if k:
+                there[k, :k] = there[k - 1, :k] * kept[k - 1]
+                there[k, k] = after[k - 1]
+            power[: k + 1] += there[k, : k + 1] * share[k]
+        view = sweep.view
+        within = np.where(view.crossed, np.take_along_axis(scaled, view.stretch, axis=0), 1.0)
+        at_edges = np.take_along_axis(there, view.stretch[:, None], axis=0) * within[:, None]
+        order = np.concatenate([np.zeros_like(steps.rank[:1]), steps.rank + 1])
+        return cls(
+            at_edges=np.take_along_axis(np.swapaxes(at_edges, 0, 1), order[:, None], axis=0),
+            at_end=np.take_along_axis(there[4] * kept[4], order, axis=0),
+            power_W=np.take_along_axis(power, order, axis=0),
+        )
 
 
-def _log_ratio(x: Array) -> Array:
-    """log(1 + x) / x, 1 at 0."""
-    return np.where(x == 0, 1.0, np.log1p(x) / np.where(x == 0, 1.0, x))
+def _jacobian(circuit: Circuit, sweep: _Sweep, *, regulated: bool) -> Array:
+    """Derivatives of gap, delays and power (rows) to the state, shape (6, 6, N)."""
+    steps, view, Th = sweep.steps, sweep.view, circuit.half_period_s
+    matrix, response = np.zeros((6, 6, Th.size)), _Response.of(circuit, sweep)
+    matrix[0, :5] = response.at_end
+    matrix[0, 0] += 1.0
+    per_current = sweep.commutation.delay_per_A / Th * view.turns
+    delays = response.at_edges * per_current
+    delays[1:] += view.delay_per_flip / Th
+    matrix[1:5, :5] = np.swapaxes(delays, 0, 1)
+    matrix[1:5, 5] = delays[3] + delays[4]
+    # an edge that moves sees a later current, and the primary's flips earlier
+    matrix[3:5, 5] += (per_current * view.link_slope_A - np.sum(view.delay_per_flip, axis=0) / Th)[2:]
+    for k in range(1, 5):
+        matrix[k, k] -= 1.0
+    if not regulated:
+        matrix[5, 5] = 1.0
+        return matrix
+    current = np.take_along_axis(sweep.pieces.current_A[2::2], steps.rank, axis=0)
+    matrix[0, 5] = response.at_end[3] + response.at_end[4]
+    matrix[5, :5] = response.power_W
+    matrix[5, 1:5] -= SHIFT * steps.jump_V * current
+    matrix[5, 5] = matrix[5, 3] + matrix[5, 4]
+    return matrix
 
 
-def magnetizing_current(circuit: Circuit, edges: Array, time: Array) -> Array:
-    """Triangle driven by n vs, in A, at ``time`` (..., N) in units of Th; zero mean by half-wave symmetry."""
-    slope = circuit.nV2_V * circuit.half_period_s / (2 * circuit.magnetizing_H)
-    total: Array = np.zeros_like(time)
-    for edge in edges[2:]:
-        position = np.mod(time - edge, 2.0)
-        total = total + np.where(position < 1.0, position - 0.5, 1.5 - position)
-    return slope * total
+@dataclass(slots=True, kw_only=True)
+class _Work:
+    """Points in work: their numbers, circuit, edges, demand, states, and how far each step is trusted."""
+
+    rows: NDArray[np.intp]
+    circuit: Circuit
+    edges: Array
+    demand: Demand | None
+    accuracy: Accuracy
+    state: Array
+    trust: Array
+    worst: Array
+    done: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls, circuit: Circuit, edges: Array, state: Array, demand: Demand | None, accuracy: Accuracy
+    ) -> "_Work":
+        """All points, before the first step."""
+        size = state.shape[1]
+        return cls(
+            rows=np.arange(size), circuit=circuit, edges=edges, demand=demand, accuracy=accuracy, state=state.copy(),
+            trust=np.ones(size), worst=np.full(size, np.inf), done=np.zeros(size, dtype=bool),
+        )  # fmt: skip
+
+    def narrowed(self) -> "_Work":
+        """What is left, in arrays of its own."""
+        left = np.flatnonzero(~self.done)
+        return _Work(
+            rows=self.rows[left], circuit=self.circuit.take(left), edges=self.edges[:, left],
+            demand=None if self.demand is None else self.demand.take(left), accuracy=self.accuracy,
+            state=self.state[:, left],
+            trust=self.trust[left], worst=self.worst[left], done=self.done[left],
+        )  # fmt: skip
+
+    def step(self, sweep: _Sweep) -> None:
+        """Judge a sweep and move the points that it does not satisfy."""
+        circuit, demand = self.circuit, self.demand
+        off = np.concatenate([sweep.gap_A[None], sweep.late, np.zeros((1, self.rows.size))])
+        self.done = sweep.closes(self.state[0], self.accuracy)
+        unit_A = circuit.V1_V * circuit.half_period_s / circuit.inductance_H
+        size = np.abs(off[0]) / unit_A + np.sum(np.abs(sweep.late), axis=0)
+        if demand is not None:
+            off[5] = _mean_power_W(sweep.pieces, sweep.pieces.nvs_V) - demand.power_W
+            scale_W = np.maximum(np.abs(demand.power_W), _LEAST_W)
+            self.done &= np.abs(off[5]) <= self.accuracy.power * scale_W
+            size = size + np.abs(off[5]) / (unit_A * circuit.nV2_V)
+        matrix = np.moveaxis(_jacobian(circuit, sweep, regulated=demand is not None), 2, 0)
+        change = -_solved(matrix, off.T).T
+        self.trust = np.where(size > 0.7 * self.worst, 0.5 * self.trust, np.minimum(2.0 * self.trust, 1.0))
+        self.worst = size
+        change *= np.where(self.done, 0.0, self.trust)
+        ahead = self.state + change
+        longest = circuit.dead_time_s / circuit.half_period_s
+        ahead[1:5] = np.where(self.done, ahead[1:5], np.clip(ahead[1:5], 0.0, longest))
+        if demand is not None:
+            near = self.state[5] + np.clip(change[5], -_FURTHEST, _FURTHEST)
+            ahead[5] = np.where(self.done, ahead[5], np.clip(near, demand.lowest, demand.highest))
+        self.state = ahead
 
 
-def _commutations(circuit: Circuit, edges: Array, flips: Array, pieces: Pieces) -> Commutation:
-    """The dead time of each of the four edges, seen in the frame in which it rises."""
-    turn = np.floor(edges)
-    parity = 1.0 - 2.0 * np.mod(turn, 2.0)
-    n = circuit.turns_ratio
-    link = parity * pieces.current_at((edges - turn) * circuit.half_period_s)
-    current = np.concatenate([-link[:2], n * (link[2:] - magnetizing_current(circuit, edges, edges[2:]))])
-    half = np.stack([circuit.V1_V, circuit.V1_V, circuit.nV2_V, circuit.nV2_V]) / 2
-    ahead = np.mod(flips[:, None] - edges[None, :] + 1.0, 2.0) - 1.0  # next flip of leg l seen from edge e
-    side = np.array([1.0, 1.0, -1.0, -1.0])[:, None] / circuit.inductance_H
-    shunt = np.array([0.0, 0.0, -1.0, -1.0])[:, None] / circuit.magnetizing_H
-    # d(driving current)/dt per volt of leg l (rows) at edge e (columns)
-    gain = np.stack([-side, -side, n * (side + shunt), n * (side + shunt)], axis=1) * half[:, None]
-    own = np.stack([gain[k, k] for k in range(4)])
-    base = np.sum(np.where(ahead > 0, -gain, gain), axis=0) - np.where(np.diagonal(ahead).T > 0, -own, own)
-    # the next flip of a leg, up where it is down and down where it is up
-    wait = np.where(ahead > 0, ahead, ahead + 1.0)
-    legs, targets, points = np.nonzero(
-        (wait < circuit.dead_time_s / circuit.half_period_s) & ~np.eye(4, dtype=bool)[:, :, None]
-    )
-    chosen = legs, targets, points
-    arrival = wait[chosen] * circuit.half_period_s[points]
-    kick = np.where(ahead[chosen] > 0, 2.0, -2.0) * gain[chosen]
-
-    def drive(start_s: Array, end_s: Array) -> Array:
-        total: Array = base.copy() if arrival.size else base
-        if arrival.size:
-            begin, end = start_s[points], end_s[points]
-            np.add.at(total, (targets, points), kick * np.clip((end - arrival) / (end - begin), 0.0, 1.0))
-        return total
-
-    flat = circuit.curves.ravel()
-    first = (np.arange(4)[:, None] * circuit.curves.shape[1] + circuit.curve) * CURVE_POINTS
-
-    def share_of(charge_share: Array) -> Array:
-        return read_curves(flat, first + np.minimum(charge_share, 1.0 - 1e-12) * (CURVE_POINTS - 1))
-
-    return commutate(current, drive, own, circuit.dead_time_s, circuit.charge_C, share_of)
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solutions (N, 6) of N systems; a singular one gives no step."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        nudged = matrix + 1e-9 * np.abs(matrix).max(axis=(1, 2), keepdims=True) * np.eye(6)
+        return np.asarray(np.linalg.solve(nudged, right[..., None])[..., 0])
 
 
-def _sweep(circuit: Circuit, edges: Array, start_A: Array, delay: Array) -> tuple[Pieces, Commutation]:
-    flips = edges + delay
-    pieces = _march(circuit, flips, start_A)
-    return pieces, _commutations(circuit, edges, flips, pieces)
+def step_once(
+    circuit: Circuit, edges: Array, state: Array, demand: Demand
+) -> tuple[Array, Orbit, NDArray[np.bool_]]:
+    """One step of Newton's rule: the state (6, N) ahead, the half period from ``state``, where that nearly meets it."""
+    work = _Work.of(circuit, edges, state, demand, NEAR)
+    sweep = _Sweep.of(circuit, edges, state)
+    work.step(sweep)
+    return work.state, sweep.orbit(state, NEAR), work.done
+
+
+def settle(
+    circuit: Circuit,
+    edges: Array,
+    state: Array,
+    demand: Demand | None,
+    *,
+    accuracy: Accuracy = FINE,
+    rounds: int = _NEWTON,
+) -> tuple[Array, Orbit, NDArray[np.bool_]]:
+    """Newton's rule from ``state`` (6, N): start current in A, delays and phase in Th.
+
+    Returns the state, the orbit there, and where everything is met to the ``accuracy``, after ``rounds`` at most.
+    ``edges`` (4, N) are those at phase 0; without a demand the phase stays.
+    """
+    size, work = state.shape[1], _Work.of(circuit, edges, state, demand, accuracy)
+    whole, met, orbit = state.copy(), np.zeros(size, dtype=bool), None
+    for _ in range(rounds):
+        at, sweep = work.state, _Sweep.of(work.circuit, work.edges, work.state)
+        work.step(sweep)
+        whole[:, work.rows], met[work.rows] = at, work.done
+        part = sweep.orbit(at, accuracy)
+        orbit = part if orbit is None or work.rows.size == size else orbit.renewed(work.rows, part)
+        if np.all(work.done):
+            break
+        if np.mean(work.done) > 1.0 - _ROOMY:
+            work = work.narrowed()
+    assert orbit is not None
+    return whole, orbit, met
+
+
+def orbit_at(circuit: Circuit, edges: Array, state: Array, accuracy: Accuracy = FINE) -> Orbit:
+    """The half period from a state, whether it closes or not."""
+    return _Sweep.of(circuit, edges, state).orbit(state, accuracy)
 
 
 def periodic(circuit: Circuit, edges: Array, start_A: Array, delay: Array) -> Orbit:
-    """The orbit for given edges (4, N) in units of Th, from a first guess of start current and delays.
+    """The orbit for given edges (4, N) in units of Th, from a first guess of start current and delays."""
+    guess = np.concatenate([start_A[None], delay, np.zeros((1, start_A.size))])
+    state, orbit, _ = settle(circuit, edges, guess, None)
+    open_ = np.flatnonzero(~orbit.closed)
+    if not open_.size:
+        return orbit
+    state[:, open_] = _anderson(circuit.take(open_), edges[:, open_], guess[:, open_])
+    return orbit_at(circuit, edges, state)
 
-    The map "half period, then dead times" is iterated with Anderson acceleration of depth two (Walker and
-    Ni, 2011) on the start current and the four delays; the closing error i(Th) + i(0) has a slope near 2, so
-    half of it is the plain step. ``closed`` tells where both settled.
+
+def _anderson(circuit: Circuit, edges: Array, state: Array) -> Array:
+    """Anderson acceleration of depth two (Walker and Ni, 2011) of the map "half period, then dead times".
+
+    The closing error i(Th) + i(0) has a slope near 2, so half of it is the plain step.
     """
-    unit_A = circuit.V1_V * circuit.half_period_s / circuit.inductance_H  # as comparable as delays
+    unit = np.ones((6, 1)) + np.eye(6)[:, :1] * (
+        circuit.V1_V * circuit.half_period_s / circuit.inductance_H - 1.0
+    )
     longest = circuit.dead_time_s / circuit.half_period_s
-    state = np.concatenate([(start_A / unit_A)[None], delay])
-    history = np.full((4, *state.shape), np.nan)  # last state and step, and those before
-    closed = np.zeros(start_A.shape, dtype=bool)
-    for sweep in range(_SWEEPS):
-        busy = np.flatnonzero(~closed)
-        if not busy.size:
+    now, history = state / unit, np.full((4, *state.shape), np.nan)  # last state and step, and those before
+    for turn in range(_SWEEPS):
+        sweep = _Sweep.of(circuit, edges, now * unit)
+        done = sweep.closes(now[0] * unit[0], FINE)
+        if np.all(done):
             break
-        part, now = circuit.take(busy), state[:, busy]
-        i = now[0] * unit_A[busy]
-        pieces, commutation = _sweep(part, edges[:, busy], i, now[1:])
-        gap = pieces.end_A[-1] + i
-        step = np.concatenate(
-            [(-0.5 * gap / unit_A[busy])[None], commutation.delay_s / part.half_period_s - now[1:]]
-        )
-        done = (np.abs(gap) <= _CLOSED * (1.0 + np.abs(i))) & np.all(np.abs(step[1:]) <= _SETTLED, axis=0)
-        closed[busy] = done
-        ahead = now + (
-            step if sweep % _RESTART == _RESTART - 1 else _accelerated(now, step, history[:, :, busy])
-        )
-        ahead[1:] = np.clip(ahead[1:], 0.0, longest[busy])
-        history[2:, :, busy] = history[:2, :, busy]
-        history[0, :, busy], history[1, :, busy] = now.T, step.T
-        state[:, busy] = np.where(done, now, ahead)
-    start_A, delay = state[0] * unit_A, state[1:]
-    pieces, commutation = _sweep(circuit, edges, start_A, delay)
-    return Orbit(start_A=start_A, delay=delay, pieces=pieces, commutation=commutation, closed=closed)
+        step = np.concatenate([(-0.5 * sweep.gap_A / unit[0])[None], sweep.late, np.zeros_like(now[:1])])
+        ahead = now + (step if turn % _RESTART == _RESTART - 1 else _accelerated(now, step, history))
+        ahead[1:5] = np.clip(ahead[1:5], 0.0, longest)
+        history[2:] = history[:2]
+        history[0], history[1] = now, step
+        now = np.where(done, now, ahead)
+    return now * unit
 
 
 def _accelerated(now: Array, step: Array, history: Array) -> Array:
-    """Anderson's step of depth two (or one, or none) from the last states and steps (4, 5, N)."""
+    """Anderson's step of depth two (or one, or none) from the last states and steps (4, 6, N)."""
     dx, df = now - history[0], step - history[1]
     dx2, df2 = history[0] - history[2], history[1] - history[3]
     deep = np.isfinite(df2[0])

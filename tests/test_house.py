@@ -8,15 +8,17 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.main import get_command
 
 from bench.cli import build
 from bench.config import CampaignConfig, check
-from bench.tables import COLUMNS
+from bench.store import COLUMNS
 from bench.wording import MODEL_NAMES, VERDICTS
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
+from models.lut import Lut
 from models.screening import KINDS, KNOWN_COLUMNS
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
@@ -178,11 +180,14 @@ def where(names: set[str]) -> set[str]:
 
 
 def test_only_the_transport_opens_connections() -> None:
-    assert where({"serial_for_url", "Serial", "create_connection"}) == {"drivers/transport.py"}
+    assert where({"serial_for_url", "Serial", "create_connection"}) == {
+        "drivers/tcp_port.py",
+        "drivers/transport.py",
+    }
 
 
 def test_only_the_store_writes_to_the_database() -> None:
-    assert where({"create_engine"}) == {"bench/store.py"}
+    assert where({"create_engine"}) == {"bench/store/database.py"}
 
 
 def test_files_stay_short() -> None:
@@ -212,3 +217,9 @@ def test_the_check_of_a_change_can_be_run() -> None:
     assert os.access(script, os.X_OK)
     assert "make test" in script.read_text(encoding="utf-8")
     assert ".ci/run" in (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
+
+
+def test_columns_of_the_table_of_the_best_modulation_are_those_written() -> None:
+    listed = first_cells("Table of the best modulation")
+    rows = {name: np.zeros(2) for name in ("power_W", "D1", "D2", "predicted", "price", "soft_edges")}
+    assert listed == [*Lut(**rows).frame().columns, "model", "lab"]

@@ -1,6 +1,5 @@
-"""Verbs on stored campaigns: status, runs, pause, resume, abort, export, import."""
+"""Verbs on stored campaigns: status, runs, pause, abort, export, import."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -8,13 +7,11 @@ import pandas as pd
 import typer
 from rich.markup import escape
 from rich.table import Table
-from sqlalchemy import RowMapping
 
-from bench.campaign import State
 from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError, StateError
-from bench.store import Provenance, Store, database_url
+from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_url
 from bench.table_file import file_hash, write_table
 from models.dataset import DatasetError, load_measurements
 
@@ -22,8 +19,6 @@ app = typer.Typer()
 
 CampaignId = Annotated[int, typer.Argument(metavar="CAMPAIGN_ID", min=1, help="as listed by d2ea runs")]
 Maybe = Annotated[int | None, typer.Argument(metavar="[CAMPAIGN_ID]", help="else the newest that is running")]
-
-LIVE = frozenset({State.PLANNED, State.WAITING, State.CHECKING, State.RUNNING, State.PAUSED})
 
 
 @app.command()
@@ -35,7 +30,7 @@ def runs(db: Database = None) -> None:
     for row in campaigns:
         lab = "virtual" if row["virtual"] else "hardware"
         rows = f"{row['accepted']}/{row['planned']}"
-        cells = (row["id"], row["name"], said_state(row), rows, row["rejected"], lab, row["created"][:19])
+        cells = (row["id"], row["name"], row["shown"], rows, row["rejected"], lab, row["created"][:19])
         table.add_row(*(escape(str(cell)) for cell in cells))
     out.print(table if campaigns else "no campaigns yet")
 
@@ -50,8 +45,9 @@ def status(campaign_id: Maybe = None, db: Database = None) -> None:
             return
         row = rows.get(campaign_id or max(rows)) or store.campaign(campaign_id or 0)
         last = store.events(row["id"])[-1:]
+        benches = store.benches.all()
     stamp(row["virtual"])
-    out.print(escape(f"campaign {row['id']} {row['name']!r}: {said_state(row)}"))
+    out.print(escape(f"campaign {row['id']} {row['name']!r}: {row['shown']}"))
     out.print(f"{row['accepted']} of {row['planned']} rows accepted, {row['rejected']} rejected")
     for label, key in (("bench", "power_off"), ("stopped by", "error"), ("asked to", "request")):
         if row[key]:
@@ -60,18 +56,33 @@ def status(campaign_id: Maybe = None, db: Database = None) -> None:
         out.print(
             escape(f"last: {event['event']} {event['detail'] or ''} at {event['written'][:19]} UTC".strip())
         )
+    for bench in benches:
+        colour = {BenchState.UNSAFE: "bold red", BenchState.UNCONFIRMED: "bold yellow"}.get(
+            bench.state, "default"
+        )
+        out.print(f"[{colour}]{escape(said_bench(bench))}[/]")
+
+
+def said_bench(bench: BenchRow) -> str:
+    """What is known of a bench, in one line."""
+    match bench.state:
+        case BenchState.UNSAFE:
+            what = f"UNSAFE since {bench.unsafe_since}: {bench.unsafe}; see that it is off, then: d2ea clear"
+        case BenchState.UNCONFIRMED:
+            what = f"left on by campaign {bench.campaign_id}, which died; d2ea resume or d2ea clear switches it off"
+        case BenchState.ON:
+            what = f"on, campaign {bench.campaign_id} ({bench.owner})"
+        case BenchState.OFF:
+            what = f"seen off at {(bench.seen_off or '')[:19]} UTC"
+        case _:
+            what = "never switched on from here"
+    return f"bench {bench.name!r}: {what}"
 
 
 @app.command()
 def pause(campaign_id: Maybe = None, db: Database = None) -> None:
     """Let a running campaign finish its point, then switch the bench off and wait."""
     _ask("pause", campaign_id, db, "it pauses after the point it is at")
-
-
-@app.command()
-def resume(campaign_id: Maybe = None, db: Database = None) -> None:
-    """Let a paused campaign go on."""
-    _ask(None, campaign_id, db, "it goes on")
 
 
 @app.command()
@@ -82,17 +93,22 @@ def abort(campaign_id: Maybe = None, db: Database = None) -> None:
 
 def _ask(request: str | None, campaign_id: int | None, db: str | None, then: str) -> None:
     with Store(database_url(db)) as store:
-        live = [row for row in store.campaigns() if is_live(row)]
-        if campaign_id is not None:
-            row = store.campaign(campaign_id)
-            if not is_live(row):
-                raise StateError(f"campaign {campaign_id} is not running: {said_state(row)}")
-        elif not live:
-            raise StateError("no campaign is running here")
-        else:
-            row = live[-1]
+        row = running(store, campaign_id)
         store.ask(row["id"], request)
     out.print(f"asked campaign {row['id']}: {then}")
+
+
+def running(store: Store, campaign_id: int | None) -> Row:
+    """The campaign named, else the newest that is running; StateError when it does not run."""
+    if campaign_id is not None:
+        row = store.campaign(campaign_id)
+        if not row["is_live"]:
+            raise StateError(f"campaign {campaign_id} is not running: {row['shown']}")
+        return row
+    live = [row for row in store.campaigns() if row["is_live"]]
+    if not live:
+        raise StateError("no campaign is running here")
+    return live[-1]
 
 
 @app.command()
@@ -138,27 +154,3 @@ def read_measurements(file: Path) -> pd.DataFrame:
     for row in measured.rejected:
         err.print(escape(f"{file}: row {row.row}, {row.column} = {row.value}: {row.reason}"))
     return measured.frame
-
-
-def is_live(row: RowMapping) -> bool:
-    """True while a process runs the campaign."""
-    return row["state"] in LIVE and _alive(row["process"])
-
-
-def said_state(row: RowMapping) -> str:
-    """The state, or that the process which ran the campaign is gone."""
-    if row["state"] in LIVE and not is_live(row):
-        return f"{row['state']} when its process died; see that the bench is off"
-    return str(row["state"])
-
-
-def _alive(process: int | None) -> bool:
-    if process is None:
-        return False
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

@@ -1,16 +1,21 @@
-"""Live progress of a campaign: a bar on a terminal, one plain line per point elsewhere."""
+"""Live progress of a campaign: on a terminal the last points and a bar, elsewhere one plain line per point."""
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from rich.console import Group
+from rich.live import Live
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.progress import Progress as Bar
+from rich.table import Table
 
 from bench.commands.streams import err
 from bench.progress import Progress
 
 PERCENT = 100.0
+LAST = 8  # points in the table
 
 
 @contextmanager
@@ -20,17 +25,54 @@ def live() -> Iterator[Callable[[Progress], None]]:
         yield _print_line
         return
     columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("{task.description}"))
-    with Bar(*columns, console=err) as bar:
-        task = bar.add_task("connecting", total=None)
+    bar = Bar(*columns, console=err)
+    task = bar.add_task("connecting", total=None)
+    last: deque[Progress] = deque(maxlen=LAST)
+    with Live(bar, console=err, refresh_per_second=4) as screen:
 
         def show(progress: Progress) -> None:
+            if progress.row is not None and progress.said:
+                last.append(progress)
             bar.update(
-                task, completed=progress.done, total=progress.total, description=escape(one_line(progress))
+                task, completed=progress.done, total=progress.total, description=escape(_now(progress))
             )
-            if progress.said.startswith("rejected"):
-                bar.console.print(escape(f"point {_where(progress)}: {progress.said}"))
+            screen.update(Group(_table(last), bar) if last else bar)
 
         yield show
+
+
+def _now(progress: Progress) -> str:
+    """What goes on, beside the bar."""
+    parts = [_where(progress) or progress.said]
+    if progress.mean_residual is not None:
+        parts.append(f"mean difference {progress.mean_residual * PERCENT:+.3f} points")
+    if progress.left_s is not None:
+        parts.append(f"{duration(progress.left_s)} left")
+    return ", ".join(part for part in parts if part)
+
+
+def _table(last: deque[Progress]) -> Table:
+    """The last points, the newest at the bottom."""
+    table = Table(
+        "", "kind", "D1", "D2", "P / W", "measured", "simulated", "difference / points", "", box=None
+    )
+    for progress in last:
+        row = progress.row
+        assert row is not None, "only points get here"
+        cells = [str(progress.done), str(row.kind), f"{row.D1:.3f}", f"{row.D2:.3f}", f"{row.power_W:.0f}"]
+        cells += [_per_cent(progress.measured), _per_cent(progress.predicted), _points(progress.residual)]
+        table.add_row(
+            *cells, escape(progress.said), style="red" if progress.said.startswith("rejected") else None
+        )
+    return table
+
+
+def _per_cent(value: float | None) -> str:
+    return "–" if value is None else f"{value * PERCENT:.3f} %"
+
+
+def _points(value: float | None) -> str:
+    return "–" if value is None else f"{value * PERCENT:+.3f}"
 
 
 def _print_line(progress: Progress) -> None:

@@ -1,33 +1,26 @@
-"""The verb simulate: a grid or a table of set points through the simulator."""
+"""The verb simulate: a grid, a parameter space or a table of set points through the simulator."""
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
-import pandas as pd
 import typer
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bench.commands.streams import out
-from bench.errors import InputError, Problem
+from bench.commands.streams import err, out
+from bench.errors import InputError
 from bench.prediction import model_from
-from bench.table_file import check_ending, write_table
-from sim.parameters import Converter, Quantity
-from sim.simulate import Points, grid_of, simulate
+from bench.set_points import parse_space, read_points
+from bench.sweep import CHUNK_ROWS, Rows, Sweep, TableRows, Watch, run_sweep
+from bench.table_file import check_ending
+from bench.workers import LOCAL, Workers
 
 app = typer.Typer()
 
-REQUIRED = ("D1", "D2", "P_set_W")
-OPTIONAL = ("V1_V", "V2_V", "ambient_C")
-ALLOWED = {
-    "D1": (0.0, 1.0, "a number from 0 to 1"),
-    "D2": (0.0, 1.0, "a number from 0 to 1"),
-    "P_set_W": (-np.inf, np.inf, "a power in W"),
-    "V1_V": (1e-9, np.inf, "a voltage above 0 V"),
-    "V2_V": (1e-9, np.inf, "a voltage above 0 V"),
-    "ambient_C": (-100.0, 200.0, "a temperature from -100 to 200 degC"),
-}
-MOST_PROBLEMS = 20  # of a table: more say nothing new
+_LINE_EVERY_S = 10.0
 
 
 @app.command("simulate")
@@ -38,71 +31,73 @@ def simulate_(
     grid_shape: Annotated[
         str | None, typer.Option("--grid", metavar="25x25x20", help="counts of D1, D2 and power instead")
     ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=LOW:HIGH:COUNT", help="a further axis of the grid: V1_V, V2_V, voltage_ratio, "
+                     "ambient_C or a value of the converter such as inductor.inductance_H; may be repeated"),
+    ] = None,
     out_file: Annotated[Path, typer.Option("--out", metavar="FILE.csv|.parquet")] = Path("simulated.csv"),
     model_file: Annotated[
         Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")
     ] = None,
-) -> None:
-    """Simulate a grid (a tenth of the rated power to all of it) or a table of set points."""
+    processes: Annotated[int, typer.Option(min=1, help="side by side, where there is more than one chunk")] = 2,
+    dask: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help=f"a Dask scheduler instead, or '{LOCAL}' for a cluster on this machine"),
+    ] = None,
+    chunk: Annotated[int, typer.Option(metavar="ROWS", min=1, help="points of one chunk")] = CHUNK_ROWS,
+) -> None:  # fmt: skip
+    """Simulate a grid (a tenth of the rated power to all of it), a parameter space, or a table of set points.
+
+    What was finished when it was stopped is kept beside --out, and the same command goes on from there.
+    """
     check_ending(out_file)
     if (points_file is None) == (grid_shape is None):
         raise InputError.of("command line", "POINTS.csv or --grid", None, "exactly one of the two is needed")
-    given = pd.DataFrame() if points_file is None else read_points(points_file)
+    if points_file is not None and vary:
+        raise InputError.of(
+            "command line", "--vary", None, "belongs to --grid; a table brings its own columns"
+        )
     model = model_from(model_file)
-    points = (
-        parse_grid(grid_shape or "", model.converter)
-        if points_file is None
-        else _as_points(given, model.converter)
-    )
-    result = simulate(model, points)
-    simulated = pd.DataFrame(result.columns())
-    added = [name for name in given.columns if name not in simulated]
-    write_table(pd.concat([given[added], simulated], axis="columns"), out_file)
-    feasible = int(result.feasible.sum())
-    out.print(escape(f"{len(simulated)} points, {feasible} feasible, written to {out_file}"))
-    for reason, count in pd.Series(result.reason[~result.feasible]).value_counts().head(3).items():
+    inputs: Rows
+    passed_on: tuple[str, ...] = ()
+    if points_file is None:
+        inputs = parse_space(grid_shape or "", vary or (), model.converter)
+    else:
+        table, passed_on = read_points(points_file, model.converter)
+        inputs = TableRows(table=table)
+    sweep = Sweep(model=model, inputs=inputs, out=out_file, chunk_rows=chunk, passed_on=passed_on)
+    with _watching(len(sweep)) as watch:
+        swept = run_sweep(sweep, Workers(processes=processes, dask=dask), watch)
+    resumed = f", {swept.resumed} of {len(sweep)} chunks were there" if swept.resumed else ""
+    out.print(escape(f"{swept.points} points, {swept.feasible} feasible{resumed}, written to {out_file}"))
+    for reason, count in swept.reasons.most_common(3):
         out.print(escape(f"  {count} × {reason}"))
 
 
-def parse_grid(text: str, converter: Converter) -> Points:
-    """``25x25x20`` as the points of a converter's grid."""
-    parts = text.lower().split("x")
-    if len(parts) != 3 or not all(part.isdigit() and int(part) > 0 for part in parts):
-        raise InputError.of("command line", "--grid", text, "three counts above 0, such as 25x25x20")
-    D1, D2, power = map(int, parts)
-    return grid_of(converter, (D1, D2, power))
+@contextmanager
+def _watching(chunks: int) -> Iterator[Watch]:
+    """A bar on a terminal, elsewhere a line now and then; nothing for a single chunk."""
+    if chunks < 2:
+        yield lambda _done, _total: None
+        return
+    if not err.is_terminal:
+        yield _lines()
+        return
+    columns = (TextColumn("points"), BarColumn(bar_width=20), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=err) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
-def read_points(path: Path) -> pd.DataFrame:
-    """A table of set points; InputError names each missing column and bad cell."""
-    try:
-        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError.of(path, "file", None, f"cannot be read: {error}") from error
-    missing = [name for name in REQUIRED if name not in table]
-    if missing:
-        found = ", ".join(map(str, table.columns)) or "none"
-        allowed = f"column is missing; required are {', '.join(REQUIRED)}; found: {found}"
-        raise InputError(
-            [Problem(file=str(path), field=name, value=None, allowed=allowed) for name in missing]
-        )
-    problems: list[Problem] = []
-    for name in (*REQUIRED, *(name for name in OPTIONAL if name in table)):
-        low, high, said = ALLOWED[name]
-        values = pd.to_numeric(table[name], errors="coerce")
-        for row in np.flatnonzero(~(values.between(low, high) & np.isfinite(values))):
-            value = table[name].iloc[row]
-            problems.append(Problem(file=str(path), field=name, value=value, allowed=said, line=int(row) + 2))
-        table[name] = values.astype(float)
-    if problems:
-        raise InputError(problems[:MOST_PROBLEMS])
-    if table.empty:
-        raise InputError.of(path, "file", None, "has no rows")
-    return table
+def _lines() -> Watch:
+    start_s = last_s = time.perf_counter()
 
+    def show(done: int, total: int) -> None:
+        nonlocal last_s
+        now_s = time.perf_counter()
+        if now_s - last_s >= _LINE_EVERY_S or done == total:
+            last_s = now_s
+            err.print(f"{done} of {total} points after {now_s - start_s:.0f} s")
 
-def _as_points(table: pd.DataFrame, converter: Converter) -> Points:
-    conditions: dict[str, Quantity] = {"V1_V": converter.V1_V, "V2_V": converter.V2_V}
-    conditions |= {name: table[name].to_numpy() for name in OPTIONAL if name in table}
-    D1, D2, power_W = (table[name].to_numpy() for name in REQUIRED)
-    return Points(D1=D1, D2=D2, power_W=power_W, **conditions)
+    return show

@@ -68,6 +68,7 @@ class ControllerPlant(Protocol):
     @property
     def clock(self) -> Clock: ...
     def set_bridge(self, *, pwm: bool, D1: float, D2: float, mode: str) -> None: ...
+    def collapse(self) -> None: ...
     def state(self) -> BridgeState: ...
 
 
@@ -137,6 +138,20 @@ class MockController:
         """Trip when too many beats have been missed."""
         if self._armed and self._plant.clock.now() - self._beat_s > MISSED_BEATS * self._period_s:
             self._trip(("heartbeat_lost",))
+
+    def trip(self, fault: str) -> None:
+        """The controller finds a fault, and trips."""
+        self._trip((fault,))
+
+    def collapse(self) -> None:
+        """The converter can hold its output no longer."""
+        self._plant.collapse()
+
+    def restart(self) -> None:
+        """As after a loss of its own supply: disarmed, PWM off, and no session."""
+        self._armed = self._pwm = self._follow = False
+        self._duties, self._last_sequence = None, None
+        self._drive()
 
     def _frame(self, coded: bytes) -> bytes:
         try:

@@ -13,10 +13,14 @@ import struct
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Self
 
+from drivers.mocks.checksum import crc16
 from drivers.mocks.modbus_device import MockModbusDevice
 from drivers.mocks.wire import PtyServer
+
+__all__ = ["RtuServer", "TcpServer", "crc16"]
 
 Tamper = Callable[[bytes, bytes | None], bytes | None]
 
@@ -25,27 +29,15 @@ SILENCE_S = 0.05  # an RTU request that pauses longer than this is given up; the
 STOP_WITHIN_S = 5.0
 
 
-def crc16(data: bytes) -> bytes:
-    """The checksum that ends an RTU frame, low byte first.
-
-    >>> crc16(bytes.fromhex("01 03 00 00 00 01")).hex(" ")
-    '84 0a'
-    """
-    crc = 0xFFFF
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc >> 1) ^ 0xA001 if crc & 1 else crc >> 1
-    return struct.pack("<H", crc)
-
-
 class RtuServer:
     """One device on a pseudo-terminal; a client opens ``path``."""
 
-    def __init__(self, device: MockModbusDevice, *, baud: float | None = None) -> None:
+    def __init__(
+        self, device: MockModbusDevice, *, baud: float | None = None, name: Path | None = None
+    ) -> None:
         self.tamper: Tamper | None = None
         self._device = device
-        self._pty = PtyServer(self._receive, baud=baud)
+        self._pty = PtyServer(self._receive, baud=baud, name=name)
         self._buffer = b""
         self._heard_at = 0.0
 
@@ -63,9 +55,18 @@ class RtuServer:
         """Hang up and close; harmless when not running."""
         self._pty.stop()
 
+    @property
+    def resource(self) -> str:
+        """What a driver opens: the stable name, where there is one."""
+        return self._pty.resource
+
     def send(self, data: bytes) -> None:
         """Write bytes that nobody asked for."""
         self._pty.send(data)
+
+    def replug(self, seconds: float) -> None:
+        """Pull the plug, and put it back after some real seconds: under another device path."""
+        self._pty.replug(seconds)
 
     def __enter__(self) -> Self:
         return self.start()
@@ -114,6 +115,7 @@ class TcpServer:
         self._thread: threading.Thread | None = None
         self._jobs: list[tuple[Callable[[], None], threading.Event]] = []
         self._clients: dict[socket.socket, bytes] = {}
+        self._deaf_until = 0.0
 
     @property
     def resource(self) -> str:
@@ -143,6 +145,11 @@ class TcpServer:
         os.close(self._wake_read)
         os.close(self._wake_write)
 
+    def replug(self, seconds: float) -> None:
+        """Lose the network for some real seconds: every connection is closed, and each new one at once."""
+        self._deaf_until = time.monotonic() + seconds
+        self._do(self._drop_all)
+
     def drop_clients(self) -> None:
         """Close every connection, as an instrument does with idle ones; returns when it is done."""
         self._do(self._drop_all)
@@ -158,7 +165,12 @@ class TcpServer:
         self.stop()
 
     def _do(self, job: Callable[[], None]) -> None:
-        """Have the serving thread do something, and wait until it has."""
+        """Have the serving thread do something, and wait until it has; lost when nobody serves."""
+        if threading.current_thread() is self._thread:
+            job()
+            return
+        if self._thread is None:
+            return
         done = threading.Event()
         self._jobs.append((job, done))
         os.write(self._wake_write, b"!")
@@ -175,6 +187,9 @@ class TcpServer:
     def _attend(self, ready: object) -> None:
         if ready is self._listener:
             client, _ = self._listener.accept()
+            if time.monotonic() < self._deaf_until:
+                client.close()
+                return
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._clients[client] = b""
             self._selector.register(client, selectors.EVENT_READ)

@@ -14,6 +14,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable
+from pathlib import Path
 from typing import Self
 
 Handler = Callable[[bytes], bytes | None]
@@ -80,6 +81,8 @@ class PtyServer:
         pace itself). Multiply by the clock's speed for a mock that runs faster than real time.
     tick : called every ``tick_s`` real seconds while nothing arrives, and after each chunk: for a mock
         that must act when its client is silent.
+    name : a stable name for the port, a symbolic link as those in ``/dev/serial/by-id``: it is there while
+        the port is, and leads to its present path.
     """
 
     def __init__(
@@ -89,7 +92,9 @@ class PtyServer:
         baud: float | None = None,
         tick: Callable[[], None] | None = None,
         tick_s: float = 0.02,
+        name: Path | None = None,
     ) -> None:
+        self._name = name
         self._handler = handler
         self._baud = baud
         self._tick = tick
@@ -97,6 +102,7 @@ class PtyServer:
         self._port: PtyPort | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        self._unplugged = False
 
     @property
     def path(self) -> str:
@@ -105,26 +111,57 @@ class PtyServer:
             raise RuntimeError("the pty server is not running: call start() before asking for its path")
         return self._port.path
 
+    @property
+    def resource(self) -> str:
+        """What a driver opens: the stable name, where there is one."""
+        return self.path if self._name is None else str(self._name)
+
     def start(self) -> Self:
         """Open the pseudo-terminal and begin to answer."""
         if self._port is not None:
             raise RuntimeError("the pty server is already running")
-        self._stop.clear()
-        self._port = PtyPort()
-        self._thread = threading.Thread(target=self._serve, args=(self._port,), name="pty", daemon=True)
-        self._thread.start()
+        self._serve_on(PtyPort())
         return self
+
+    def _serve_on(self, port: PtyPort) -> None:
+        self._stop.clear()
+        self._port = port
+        if self._name is not None:
+            self._name.unlink(missing_ok=True)
+            self._name.symlink_to(port.path)
+        self._thread = threading.Thread(target=self._serve, args=(port,), name="pty", daemon=True)
+        self._thread.start()
 
     def stop(self) -> None:
         """Hang up, wait for the thread, and close everything; harmless when not running."""
+        self._unplugged = False
+        self._hang_up()
+
+    def _hang_up(self) -> None:
         port, thread = self._port, self._thread
         if port is None or thread is None:
             return
         self._stop.set()
+        if self._name is not None:
+            self._name.unlink(missing_ok=True)
         port.interrupt()
         thread.join()
         port.close()
         self._port = self._thread = None
+
+    def replug(self, seconds: float) -> None:
+        """Pull the plug, and put it back after some real seconds: under another device path."""
+        if self._port is None:
+            return
+        another = PtyPort()  # while the old one is still open: so it cannot have the old one's path
+        self._unplugged = True
+        self._hang_up()
+        time.sleep(seconds)
+        if self._unplugged:  # nobody has stopped it for good meanwhile
+            self._unplugged = False
+            self._serve_on(another)
+        else:
+            another.close()
 
     def send(self, data: bytes) -> None:
         """Write bytes that nobody asked for (a late reply, garbage, a bridge); lost when not running."""

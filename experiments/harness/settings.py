@@ -27,12 +27,14 @@ def silent(_: Step) -> None:
 class Settings:
     """``scale`` thins an experiment (1 is all of it), ``out`` is its folder, ``now`` a clock in seconds.
 
-    ``only`` names the parts of it to run; empty for all.
+    ``reference`` is a file of other people's points, for the experiment that compares with them; ``only`` names the
+    parts to run, empty for all.
     """
 
     out: Path
     scale: float = 1.0
     processes: int = 2
+    reference: Path | None = None
     only: tuple[str, ...] = ()
     watch: Watch = silent
     now: Callable[[], float] = time.perf_counter

@@ -1,17 +1,12 @@
 """Runs trials side by side in processes of their own, each finished one kept at once."""
 
-import multiprocessing
-import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import as_completed
 from typing import Protocol, TypeVar
 
+from bench.processes import pool_of
 from experiments.harness.journal import Journal, Record
 from experiments.harness.settings import Countdown, Settings
-
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Trial(Protocol):
@@ -53,41 +48,9 @@ def _spread(processes: int) -> Callable[[Callable[[T], Record], Sequence[T]], It
     def finished(work: Callable[[T], Record], trials: Sequence[T]) -> Iterator[tuple[T, Record]]:
         if not trials:
             return
-        fresh = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(processes, mp_context=fresh, initializer=end_with_parent)
-        with one_thread_each(), pool:
+        with pool_of(processes) as pool:
             running = {pool.submit(work, trial): trial for trial in trials}
-            try:
-                for future in as_completed(running):
-                    yield running[future], future.result()
-            finally:
-                pool.shutdown(wait=False, cancel_futures=True)
+            for future in as_completed(running):
+                yield running[future], future.result()
 
     return finished
-
-
-def end_with_parent() -> None:
-    """Let this process end when the one that started it does, however that ends: none is left behind."""
-    parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def one_thread_each() -> Iterator[None]:
-    """Processes started inside use one thread each; libraries read this when they are loaded."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

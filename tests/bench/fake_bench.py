@@ -1,12 +1,14 @@
 """A bench without wires: instruments with the drivers' methods over a few lines of arithmetic."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime
 from types import SimpleNamespace
 
 import numpy as np
 
+from bench.campaign import Surroundings
 from bench.config import BenchConfig, CampaignConfig, check
 from bench.connect import Inspection
 from bench.instruments import Bench
@@ -14,7 +16,9 @@ from bench.prediction import Asked, Forecast
 from bench.store import Store
 from drivers.clock import StepClock
 from drivers.controller import Applied, Telemetry
+from drivers.dc_device import DcState
 from drivers.errors import LinkLost
+from drivers.health import Health
 from drivers.identity import Identity
 from drivers.reading import Quality, Reading
 
@@ -29,7 +33,14 @@ BENCH = {
     "supply": {"map": "ea_psi9000", "resource": "fake"},
     "load": {"map": "ea_elr9000", "resource": "fake"},
     "controller": {"resource": "fake", "heartbeat_s": 2.0},
-    "limits": {"voltage_V": 320, "current_A": 10, "power_W": 2200, "output_voltage_V": 160},
+    "limits": {
+        "voltage_V": 320,
+        "current_A": 10,
+        "power_W": 2200,
+        "output_voltage_V": 160,
+        "again_s": 0,
+        "recover_s": 0,
+    },
 }
 CAMPAIGN = {
     "name": "six points",
@@ -61,6 +72,14 @@ def predict(asked: Asked) -> Forecast:
     )
 
 
+IDENTITY = Identity(maker="fake", model="bench", serial="1", firmware="0")
+
+
+def volts(value: float) -> Reading:
+    """A good reading of a voltage."""
+    return Reading(value=value, unit="V", time_s=0.0)
+
+
 @dataclass
 class FakeInstruments:
     """Analyzer, supply, load and controller in one object; ``done`` lists what was switched, in order."""
@@ -68,11 +87,14 @@ class FakeInstruments:
     clock: StepClock = field(default_factory=StepClock)
     done: list[str] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)  # calls that fail with LinkLost
+    failing: dict[str, Exception] = field(default_factory=dict)  # calls that fail once, and how
     supply_on: bool = False
     load_on: bool = False
     pwm: bool = False
     power_W: float = 0.0
     faults: tuple[str, ...] = ()
+    alarms: tuple[tuple[str, str], ...] = ()  # device and alarm
+    local: tuple[str, ...] = ()  # devices that somebody has taken to local control
     heatsink_C: float = 25.0
     noise: float = 1e-5
     last_beat_s: float = 0.0
@@ -83,6 +105,8 @@ class FakeInstruments:
     def call(self, name: str) -> None:
         if name in self.broken:
             raise LinkLost(f"{name}: unplugged")
+        if name in self.failing:
+            raise self.failing.pop(name)
         self.done.append(name)
 
     @property
@@ -136,12 +160,20 @@ class FakeInstruments:
         self.done[-1] = f"modulation {D1:g} {D2:g}"
         return Applied(D1=round(D1, 3), D2=round(D2, 3), mode="hybrid")
 
+    def dc_state(self, name: str, *, on: bool) -> DcState:
+        """What supply or load says of itself."""
+        self.call(f"{name} state")
+        alarms = tuple(alarm for device, alarm in self.alarms if device == name)
+        return DcState(on=on, mode="CV", remote=name not in self.local, alarms=alarms)
+
     def bench(self, config: BenchConfig, faults: list[str] | None = None) -> Bench:
         """A bench whose instruments are all this object."""
         silent = lambda *_, **__: None  # noqa: E731
-        dc = {"take_remote": silent, "set_voltage": silent, "set_current_limit": silent}
+        common = {"health": Health(), "resource": "fake", "identify": lambda: IDENTITY}
+        dc = {"take_remote": silent, "set_voltage": silent, "set_current_limit": silent, **common}
         instruments = SimpleNamespace(
             analyzer=SimpleNamespace(
+                **common,
                 read=self.read,
                 configure=silent,
                 ranges=lambda: {"U1": 300.0, "I1": 5.0, "U2": 150.0, "I2": 20.0},
@@ -150,15 +182,20 @@ class FakeInstruments:
             supply=SimpleNamespace(
                 on=lambda: self.set("supply on", supply_on=True),
                 off=lambda: self.set("supply off", supply_on=False),
+                state=lambda: self.dc_state("supply", on=self.supply_on),
+                actual=lambda: {"U": volts(300.0 * self.supply_on)},
                 **dc,
             ),
             load=SimpleNamespace(
                 set_power=lambda W: self.set("load power", power_W=W),
                 on=lambda: self.set("load on", load_on=True),
                 off=lambda: self.set("load off", load_on=False),
+                state=lambda: self.dc_state("load", on=self.load_on),
+                actual=lambda: {"U": volts(140.0 * self.pwm)},
                 **dc,
             ),
             controller=SimpleNamespace(
+                **common,
                 heartbeat=self.heartbeat,
                 arm=lambda: self.call("arm"),
                 disarm=silent,
@@ -167,14 +204,18 @@ class FakeInstruments:
                 disable=lambda: self.set("PWM off", pwm=False),
             ),
         )
-        identity = Identity(maker="fake", model="bench", serial="1", firmware="0")
-        inspection = Inspection(identities={"analyzer": identity}, faults=faults or [])
+        inspection = Inspection(identities={"analyzer": IDENTITY}, faults=faults or [])
         return Bench(config, instruments, self.clock, inspection)  # type: ignore[arg-type]
 
     @contextmanager
     def connect(self, config: BenchConfig, _clock: object) -> Iterator[Bench]:
         """In the place of ``open_bench``."""
         yield self.bench(config)
+
+    def around(self, today: Callable[[], datetime] = datetime.now) -> Surroundings:
+        """What a campaign on this bench is handed."""
+        off = lambda config, _clock: self.bench(config).power_off()  # noqa: E731
+        return Surroundings(connect=self.connect, make_safe=off, today=today)
 
 
 def memory() -> Store:

@@ -5,10 +5,12 @@ from datetime import datetime
 
 import pytest
 
-from bench.campaign import TRANSITIONS, CampaignOutcome, Job, State, check_transition, run_campaign
+from bench.campaign import Surroundings, run_campaign
 from bench.connect import BenchFaults
 from bench.errors import Aborted, BenchUnsafe, LimitReached, OutputLost, StateError
+from bench.job import CampaignOutcome, Job
 from bench.progress import Progress
+from bench.states import TRANSITIONS, State, check_transition
 from bench.store import Store
 from drivers.errors import LinkLost
 from tests.bench.fake_bench import (
@@ -27,7 +29,7 @@ def job(**changes: object) -> Job:
 
 
 def run(fake: FakeInstruments, store: Store, a_job: Job | None = None, **watch: object) -> CampaignOutcome:
-    return run_campaign(a_job or job(), store, fake.clock, connect=fake.connect, **watch)  # type: ignore[arg-type]
+    return run_campaign(a_job or job(), store, fake.clock, around=fake.around(), **watch)  # type: ignore[arg-type]
 
 
 def last_state(store: Store) -> str:
@@ -60,7 +62,7 @@ def test_prediction_is_stored_before_the_point_is_set() -> None:
     real = fake.set_modulation
     fake.set_modulation = lambda D1, D2: (seen.append(events_of(store)), real(D1, D2))[1]  # type: ignore[method-assign]
     run(fake, store)
-    assert all(events[-1] == "predicted" for events in seen)
+    assert all("predicted" in events for events in seen)
     assert len(seen) == 19  # once for no load, and by way of the start for each of nine loaded rows
 
 
@@ -72,7 +74,7 @@ def test_every_step_of_a_point_is_stored_in_order() -> None:
     store = memory()
     run(FakeInstruments(), store)
     steps = [event["event"] for event in store.events(1) if event["point_id"] == 4]
-    assert steps == ["predicted", "set", "settled", "measured", "accepted"]
+    assert steps == ["set", "settled", "measured", "accepted"]
 
 
 def test_power_changes_only_at_the_modulation_that_carries_all() -> None:
@@ -81,7 +83,9 @@ def test_power_changes_only_at_the_modulation_that_carries_all() -> None:
     plan = {"kind": "points", "set_points": points, "order": "given", "standby": 0, "no_load": 0}
     run(fake, store, job(plan=plan))
     switched = [what for what in fake.done if what.startswith(("modulation", "load power"))]
-    assert switched == ["modulation 0.8 0", "load power", "modulation 0.9 0.1"] * 3
+    one = ["modulation 0.8 0", "load power", "modulation 0.9 0.1"]
+    two, three = [[one[0], *["load power"] * n, one[2]] for n in (2, 3)]  # 1000 W up, 1200 W down, by 500 W
+    assert switched == [*one, *two, *three]
 
 
 def test_the_heartbeat_never_pauses_longer_than_a_beat_and_an_update() -> None:
@@ -186,7 +190,7 @@ def test_a_fault_found_by_the_check_ends_before_anything_is_switched_on() -> Non
     fake, store = FakeInstruments(supply_on=True), memory()
     connect = lambda config, _clock: nullcontext(fake.bench(config, ["supply: its output is on"]))  # noqa: E731
     with pytest.raises(BenchFaults, match="its output is on"):
-        run_campaign(job(), store, fake.clock, connect=connect)
+        run_campaign(job(), store, fake.clock, around=Surroundings(connect=connect))
     assert fake.off  # what an earlier run left on
     assert "supply on" not in fake.done
 
@@ -210,7 +214,8 @@ def test_a_point_that_does_not_settle_is_measured_and_says_so() -> None:
 def test_start_at_is_waited_for_on_the_clock() -> None:
     fake, store = FakeInstruments(), memory()
     today = lambda: datetime(2026, 12, 1, 21, 0, 0)  # noqa: E731
-    run(fake, store, job(schedule={"start_at": datetime(2026, 12, 1, 22, 0, 0)}), today=today)
+    a_job = job(schedule={"start_at": datetime(2026, 12, 1, 22, 0, 0)})
+    run_campaign(a_job, store, fake.clock, around=fake.around(today))
     first = next(event for event in store.events(1) if event["event"] == "checking")
     assert first["time_s"] == pytest.approx(3600.0)  # one hour, on a clock that only steps
 

@@ -214,3 +214,14 @@ def test_mock_listens_until_it_is_ended_and_takes_its_file_away() -> None:
         rack.send_signal(signal.SIGTERM)
         assert rack.wait(timeout=20) == 0
     assert not Path("rack.toml").exists()
+
+
+def test_the_shell_completes_commands_and_options(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("_D2EA_COMPLETE", "complete_bash")
+    for words, place, completed in (("d2ea retr", "1", "retrain"), ("d2ea models roll", "2", "rollback")):
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", place)
+        d2ea()
+        assert capfd.readouterr().out.split() == [completed]

@@ -5,8 +5,8 @@ import pytest
 
 from bench.campaign import CampaignOutcome, Job, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
-from bench.connect import BenchFaults, inspect_bench
-from bench.errors import CampaignStopped
+from bench.connect import inspect_bench
+from bench.errors import BenchTaken, CampaignStopped
 from bench.progress import Progress
 from bench.store import Store
 from drivers.clock import StepClock
@@ -24,7 +24,9 @@ def virtual_plant() -> Plant:
 
 
 def config(rack: Rack) -> BenchConfig:
-    return check(rack.bench_config(), BenchConfig, file="bench.toml")
+    settings = rack.bench_config()
+    settings["limits"] |= {"again_s": 0.0, "recover_s": 0.0}  # type: ignore[operator]
+    return check(settings, BenchConfig, file="bench.toml")
 
 
 def is_off(plant: Plant) -> bool:
@@ -51,7 +53,7 @@ def test_the_bench_is_seen_off(run: tuple[CampaignOutcome, Store, Plant]) -> Non
     outcome, store, plant = run
     assert is_off(plant)
     assert outcome.power_off.safe
-    assert store.campaign(1)["power_off"] == "PWM off; load off; supply off"
+    assert store.campaign(1)["power_off"] == "PWM off; load off; supply off; discharge to 60 V or less"
 
 
 def test_predicted_and_measured_are_stored_and_agree(run: tuple[CampaignOutcome, Store, Plant]) -> None:
@@ -111,20 +113,24 @@ def test_a_check_lists_every_fault_at_once() -> None:
     assert "power_W = 1e+06 is needed" in found.faults[2]
 
 
-def test_a_busy_serial_device_is_said_and_nothing_is_switched_on() -> None:
+def test_a_bench_in_use_is_said_and_left_alone() -> None:
     plant = virtual_plant()
-    with Rack(plant) as rack, memory() as store:
+    with Rack(plant) as rack, memory() as store, memory() as another:
         bench = config(rack)
 
         def start_another(progress: Progress) -> None:
             if progress.done == 2:
-                with pytest.raises(BenchFaults, match="another program holds it"):
+                with pytest.raises(BenchTaken, match=r"campaign 1 .* has the bench"):
                     run_campaign(Job.prepare(CAMPAIGN, bench), store, plant.clock)
+                with pytest.raises(
+                    BenchTaken, match="is in use by process"
+                ):  # another database knows nothing
+                    run_campaign(Job.prepare(CAMPAIGN, bench), another, plant.clock)
                 raise CampaignStopped("seen enough")
 
         with pytest.raises(CampaignStopped, match="seen enough"):
             run_campaign(Job.prepare(CAMPAIGN, bench), store, plant.clock, progress=start_another)
-        assert store.campaign(2)["power_off"] == "nothing was switched on"
+        assert another.campaign(1)["power_off"] == "nothing was switched on"
     assert is_off(plant)
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.safety import Limits, Readings, decide, power_off
+from bench.safety import Limits, Readings, Step, decide, power_off
 from tests.bench.fake_bench import bench_config
 
 LIMITS = Limits.of(bench_config().limits, bench_config().converter)
@@ -76,7 +76,12 @@ def test_every_step_is_taken_and_a_failed_one_is_tried_twice() -> None:
         raise OSError("no answer")
 
     report = power_off(
-        [("PWM", lambda: done.append("PWM")), ("load", fail), ("supply", lambda: done.append("supply"))]
+        [
+            Step(name="PWM", act=lambda: done.append("PWM")),
+            Step(name="load", act=fail),
+            Step(name="supply", act=lambda: done.append("supply")),
+        ],
+        again_s=0.0,
     )
     assert done == ["PWM", "load", "load", "supply"]
     assert not report.safe
@@ -90,4 +95,4 @@ def test_a_step_that_works_the_second_time_is_confirmed() -> None:
         if error := next(results):
             raise error
 
-    assert power_off([("PWM", step)]).safe
+    assert power_off([Step(name="PWM", act=step)]).safe

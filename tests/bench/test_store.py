@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from bench.errors import InputError, StateError
+from bench.states import State
 from bench.store import Provenance, Store, database_url
-from tests.bench.fake_bench import memory
 
 PROVENANCE = Provenance(config={"a": 1}, config_hash="0" * 64, virtual=True)
 TABLE = pd.DataFrame(
@@ -25,57 +25,52 @@ TABLE = pd.DataFrame(
 )
 
 
-def test_an_imported_table_comes_back_the_same() -> None:
-    with memory() as store:
-        back = store.measurement_table(store.import_table("theirs", TABLE, PROVENANCE))
+def test_an_imported_table_comes_back_the_same(store: Store) -> None:
+    back = store.measurement_table(store.import_table("theirs", TABLE, PROVENANCE))
     pd.testing.assert_frame_equal(back[TABLE.columns], TABLE, check_dtype=False)  # integers stay integers
 
 
-def test_a_column_nobody_measured_is_left_out() -> None:
-    with memory() as store:
-        back = store.measurement_table(store.import_table("theirs", TABLE, PROVENANCE))
+def test_a_column_nobody_measured_is_left_out(store: Store) -> None:
+    back = store.measurement_table(store.import_table("theirs", TABLE, PROVENANCE))
     assert "I_L_rms_A" not in back
     assert "T_heatsink_C" in back
 
 
-def test_a_failed_import_leaves_nothing() -> None:
+def test_a_failed_import_leaves_nothing(store: Store) -> None:
     broken = TABLE.assign(P1_W=["x", "y", "z"])
-    with memory() as store:
-        with pytest.raises(ValueError, match="could not convert"):
-            store.import_table("theirs", broken, PROVENANCE)
-        assert store.campaigns() == []
+    with pytest.raises(ValueError, match="could not convert"):
+        store.import_table("theirs", broken, PROVENANCE)
+    assert store.campaigns() == []
 
 
-def test_an_unknown_campaign_is_named_with_those_there_are() -> None:
-    with memory() as store:
-        store.import_table("theirs", TABLE, PROVENANCE)
-        with pytest.raises(StateError, match=r"no campaign 7 .* known: 1"):
-            store.measurement_table(7)
+def test_an_unknown_campaign_is_named_with_those_there_are(store: Store) -> None:
+    store.import_table("theirs", TABLE, PROVENANCE)
+    with pytest.raises(StateError, match=r"no campaign 7 .* known: 1"):
+        store.measurement_table(7)
 
 
 def test_sqlite_writes_are_durable(tmp_path: Path) -> None:
-    with Store(f"sqlite:///{tmp_path}/data/x.sqlite") as store, store._engine.connect() as db:
+    with Store(f"sqlite:///{tmp_path}/data/x.sqlite") as store, store.database.reading() as db:
         assert db.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
         assert db.exec_driver_sql("PRAGMA synchronous").scalar() == 2  # FULL
 
 
 def test_another_connection_sees_a_step_at_once(tmp_path: Path) -> None:
     with Store(f"sqlite:///{tmp_path}/x.sqlite") as store:
-        campaign_id = store.create_campaign("c", PROVENANCE, planned=1, state="planned")
-        store.set_state(campaign_id, "running", time_s=1.0)
+        campaign_id = store.create_campaign("c", PROVENANCE, [])
+        store.move(campaign_id, State.PLANNED, State.CHECKING, time_s=1.0)
         other = sqlite3.connect(tmp_path / "x.sqlite")
         try:
-            assert other.execute("SELECT state FROM campaigns").fetchall() == [("running",)]
+            assert other.execute("SELECT state FROM campaigns").fetchall() == [("checking",)]
         finally:
             other.close()
 
 
-def test_a_verdict_is_kept_as_given() -> None:
+def test_a_verdict_is_kept_as_given(store: Store) -> None:
     verdict = {"verdict": "named", "causes": [{"effect": "core_loss_inductor", "probability": 0.99}]}
-    with memory() as store:
-        campaign_id = store.import_table("theirs", TABLE, PROVENANCE)
-        store.add_diagnosis(verdict, campaign_id=campaign_id)
-        assert [row["verdict"] for row in store.diagnoses(campaign_id)] == [verdict]
+    campaign_id = store.import_table("theirs", TABLE, PROVENANCE)
+    store.add_diagnosis(verdict, campaign_id=campaign_id)
+    assert [row["verdict"] for row in store.diagnoses(campaign_id)] == [verdict]
 
 
 def test_the_url_comes_from_option_bench_environment_default(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,6 +50,9 @@ class FakePlant:
         self.present = replace(self.present, pwm=pwm, D1=D1, D2=D2, faults=faults)
         self.mode = mode
 
+    def collapse(self) -> None:
+        self.present = replace(self.present, pwm=False, faults=("output_undervoltage",))
+
     def analyzer(self, update: int, update_s: float, ranges: Mapping[str, float]) -> dict[str, float]:
         now = self.present
         U = {1: now.supply_V + 0.001 * update, 2: now.load_V, 3: 310.0, 4: 145.0}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.boosting import BoostSettings
-from models.registry import Registry, RegistryError, data_hash
+from models.registry import Origin, Registry, RegistryError, data_hash
 from models.surrogate import train_d2ea, train_simulator_first
 
 SMALL = BoostSettings(depth=3, trees=5, l2=1.0, rate=0.3)
@@ -70,9 +70,35 @@ def test_nothing_half_written_is_listed(tmp_path, model):
 def test_damaged_metadata_is_said(tmp_path, model):
     registry = Registry(tmp_path)
     record = registry.save(model, data_sha256="0" * 64, created=WHEN)
-    (tmp_path / record.id / "metadata.json").write_text('{"schema": 1}')
+    (tmp_path / record.id / "metadata.json").write_text('{"schema": 2}')
     with pytest.raises(RegistryError, match="not the metadata"):
         registry.show(record.id)
+
+
+def test_a_model_of_another_version_is_said(tmp_path, model):
+    registry = Registry(tmp_path)
+    record = registry.save(model, data_sha256="0" * 64, created=WHEN)
+    (tmp_path / record.id / "metadata.json").write_text('{"schema": 99}')
+    with pytest.raises(RegistryError, match="reads schema 2 only"):
+        registry.show(record.id)
+
+
+def test_damaged_trees_are_said(tmp_path, model):
+    registry = Registry(tmp_path)
+    record = registry.save(model, data_sha256="0" * 64, created=WHEN)
+    (tmp_path / record.id / "stage_2.ubj").write_bytes(b"not trees")
+    with pytest.raises(RegistryError, match=r"stage_2.ubj: the trees of this model cannot be read"):
+        registry.load(record.id)
+
+
+def test_the_rows_behind_a_model_are_kept(tmp_path, model):
+    registry = Registry(tmp_path)
+    origin = Origin(
+        data="theirs.csv", virtual=True, fitted=("theirs.csv row 1",), held_out=("theirs.csv row 2",)
+    )
+    record = registry.save(model, data_sha256="0" * 64, created=WHEN, origin=origin)
+    assert registry.origin(record.id) == origin
+    assert (record.virtual, record.data) == (True, "theirs.csv")
 
 
 def test_no_pickle_is_written(tmp_path, model):

@@ -61,7 +61,13 @@ def test_eddy_currents_lose_what_the_windings_rise_of_resistance_says() -> None:
 def nothing_happens(count: int = 1) -> Commutation:
     none = np.zeros((4, count))
     return Commutation(
-        delay_s=none, missing=none, opposite_C=none, same_C=none, turn_off_A=none, turn_on_A=none
+        delay_s=none,
+        delay_per_A=none,
+        missing=none,
+        opposite_C=none,
+        same_C=none,
+        turn_off_A=none,
+        turn_on_A=none,
     )
 
 

@@ -1,7 +1,7 @@
 """The lab's ac link: its own temperature laws, then the waveform solver."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,11 @@ from sim.modulation import centre_offset, hybrid_edges
 from sim.parameters import Capacitance, Conduction, Converter
 from sim.regulation import Regulated, regulate
 from sim.soft_switching import swing_curve
-from sim.steady_state import Circuit
+from sim.steady_state import FINE, Circuit
 
 Array = NDArray[np.float64]
 
+LAB_ACCURACY = replace(FINE, power=1e-5)
 _BENT_ROUNDS = 2  # for a first run; the next ones go on from its solution
 
 
@@ -143,6 +144,6 @@ class Link:
         for _ in range(1 if warm is not None or self.choke.drop == 0.0 else _BENT_ROUNDS):
             extra = 0.0 if warm is None else self.choke.extra_W(warm.orbit)
             goal = np.maximum(target - extra, 0.0)
-            warm = regulate(circuit, edges, goal, warm=warm, tolerance=1e-5)
+            warm = regulate(circuit, edges, goal, warm=warm, accuracy=LAB_ACCURACY)
         assert warm is not None
         return circuit, warm

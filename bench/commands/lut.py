@@ -1,0 +1,202 @@
+"""Verbs on the best modulation over load: optimise, and lut load, verify, trace."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from bench.campaign import run_campaign
+from bench.commands.bench import stop_on_signals
+from bench.commands.live import live
+from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
+from bench.commands.streams import err, out, stamp
+from bench.config import read_bench
+from bench.errors import BenchError, InputError
+from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_beside, write_lut
+from bench.lut_on_bench import following, load_into_controller, table_rows, verification, verified
+from bench.optimum import BestModulation
+from bench.prediction import model_from
+from bench.store import Store, database_url
+from bench.table_file import check_ending, write_table
+from bench.training import HALF_WIDTH, efficiency_of
+from bench.wording import per_cent, points_text
+from drivers.clock import WallClock
+from models.journal import Journal
+from models.lut import Lut, edge_gap_of
+from models.optimise import OptimumTable
+from models.registry import ModelRecord, Registry, RegistryError
+from models.surrogate import D2EA
+
+app = typer.Typer()
+lut_app = typer.Typer(
+    no_args_is_help=True, help="A table of D1 and D2 over load: into the controller, and verified."
+)
+app.add_typer(lut_app, name="lut")
+
+LutFile = Annotated[Path, typer.Argument(metavar="FILE", help="a table written by d2ea optimise")]
+BenchFile = Annotated[Path, typer.Option("--bench", metavar="BENCH.toml", help="the instruments")]
+Seed = Annotated[int, typer.Option(min=0, help="of the search")]
+
+
+@app.command()
+def optimise(
+    model_id: Annotated[
+        str | None, typer.Option("--model", metavar="ID", help="else the one in use, else the newest d2ea")
+    ] = None,
+    powers: Annotated[str, typer.Option(metavar="LOW:HIGH:STEP", help="output powers in W")] = "200:2000:100",
+    out_file: Annotated[Path, typer.Option("--out", metavar="lut.csv|.h|.json")] = Path("lut.csv"),
+    folder: Folder = DEFAULT_FOLDER,
+    sim_model: SimModel = None,
+    seed: Seed = 1,
+) -> None:
+    """Find D1 and D2 of the highest predicted efficiency over load, as a table that firmware can interpolate."""
+    check_lut_ending(out_file)
+    search = BestModulation(simulator=model_from(sim_model), loads_W=parse_powers(powers))
+    record = chosen(Registry(folder), model_id)
+    model = Registry(folder).load(record.id, efficiency_of(search.simulator))
+    optimum = search.swarm(model, seed)
+    lut = search.table(model, optimum, record.metrics.get(HALF_WIDTH, math.nan))
+    write_lut(lut, out_file, LutOrigin.of(record))
+    write_beside(folder / record.id, lut, LutOrigin.of(record))
+    stamp(bool(record.virtual))
+    out.print(escape(f"model {record.id} ({record.kind}), {optimum.optimiser}"))
+    _tell(lut, optimum)
+    out.print(escape(f"written to {out_file}"))
+
+
+def _tell(lut: Lut, optimum: OptimumTable) -> None:
+    table = Table("P / W", "D1", "D2", "predicted", "95 %", "price / points", "soft edges", box=None)
+    known = math.isfinite(lut.half_width)
+    interval = f"± {points_text(lut.half_width)} points" if known else "not known"
+    for row in lut.frame().to_dict("records"):
+        cells = (f"{row['P_W']:.0f}", f"{row['D1']:.4f}", f"{row['D2']:.4f}", per_cent(row["predicted"], 3))
+        table.add_row(*cells, interval, points_text(row["price"]), str(row["soft_edges"]))
+    out.print(table)
+    if math.isfinite(optimum.worst_regret):
+        out.print(
+            f"the search missed the model's own optimum by {points_text(optimum.worst_regret, 4)} points at most"
+        )
+    if lut.left_out_W:
+        left_out = len(lut.left_out_W)
+        out.print(f"{left_out} of {len(optimum.power_W)} loads cannot be carried at all and are left out")
+    for line in lut.unsound:
+        err.print(f"[bold yellow]between rows:[/] {escape(str(line))}")
+    if not lut.unsound:
+        out.print(
+            "between the rows: every point carries its power, soft edges stay soft, no dip of efficiency"
+        )
+
+
+def parse_powers(text: str) -> list[float]:
+    """``LOW:HIGH:STEP`` in watts, both ends included.
+
+    >>> parse_powers("200:400:100")
+    [200.0, 300.0, 400.0]
+    """
+    try:
+        low, high, step = map(float, text.split(":"))
+        if not (0 < low <= high < np.inf and step > 0):
+            raise ValueError
+    except ValueError:
+        allowed = "LOW:HIGH:STEP in W, above 0, such as 200:2000:100"
+        raise InputError.of("command line", "--powers", text, allowed) from None
+    return [low + step * number for number in range(int((high - low) / step + 1e-9) + 1)]
+
+
+def chosen(registry: Registry, model_id: str | None) -> ModelRecord:
+    """The model asked for, else the one in use, else the newest D²EA."""
+    if wanted := model_id or Journal(registry.root).in_use():
+        return registry.show(wanted)
+    records = [record for record in registry.list() if record.kind == D2EA]
+    if not records:
+        raise RegistryError(f"no {D2EA} model in {registry.root}; d2ea train makes one")
+    return records[-1]
+
+
+@lut_app.command()
+def load(file: LutFile, bench_file: BenchFile) -> None:
+    """Load a table into the controller and read it back; it is not yet in use."""
+    table, config = read_lut(file), read_bench(bench_file)
+    stamp(config.virtual)
+    held = load_into_controller(config, table)
+    shown = Table("P / W", "D1", "D2", box=None)
+    for row in held.rows:
+        shown.add_row(f"{row.power_W:.0f}", f"{row.D1:.4f}", f"{row.D2:.4f}")
+    out.print(escape(f"{held.identity} holds {len(held.rows)} rows, read back in whole PWM counts:"))
+    out.print(shown)
+
+
+@lut_app.command()
+def verify(
+    file: LutFile,
+    bench_file: BenchFile,
+    out_file: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.csv|.parquet", help="where the comparison goes")
+    ] = None,
+    db: Database = None,
+) -> None:
+    """Let the controller follow a table, draw its loads and those between, and measure; the bench is off after."""
+    if out_file is not None:
+        check_ending(out_file)
+    table, config = read_lut(file), read_bench(bench_file)
+    stamp(config.virtual)
+    job = verification(table, config, name=f"verify {file.name}")
+    with Store(database_url(db, config.database)) as store, stop_on_signals():
+        with live() as progress:
+            around = following(table_rows(table))
+            outcome = run_campaign(job, store, WallClock(config.speed), progress=progress, around=around)
+        measured = store.measurement_table(outcome.campaign_id)
+    result = verified(table, measured, edge_gap_of(model_from(config.converter.model)))
+    if out_file is not None:
+        write_table(result, out_file)
+    _tell_verified(result)
+    out.print(escape(f"campaign {outcome.campaign_id}; bench: {outcome.power_off}"))
+    if outcome.rejected:
+        raise BenchError(
+            f"{outcome.rejected} of {len(job.plan.points)} loads were rejected; d2ea status says why"
+        )
+    if not result["followed"].all():
+        raise BenchError(
+            "the controller applied other values than the table's; see the rows marked NOT the table"
+        )
+
+
+def _tell_verified(result: pd.DataFrame) -> None:
+    table = Table("P / W", "D1", "D2", "measured", "predicted", "measured − predicted", "", box=None)
+    for row in result.to_dict("records"):
+        predicted = row.get("predicted", math.nan)
+        remark = "" if row["followed"] else "NOT the table"
+        remark = remark or {1.0: "inside", 0.0: "outside"}.get(row.get("inside", math.nan), "")
+        off = f"{points_text(row['measured'] - predicted)} points"
+        cells = (f"{row['P_W']:.0f}", f"{row['D1']:.4f}", f"{row['D2']:.4f}", per_cent(row["measured"], 3))
+        table.add_row(*cells, per_cent(predicted, 3), off, remark)
+    out.print(table)
+    judged = result["inside"].dropna() if "inside" in result else pd.Series(dtype=float)
+    if len(judged):
+        out.print(
+            f"{int(judged.sum())} of {len(judged)} measured efficiencies lie in the predicted 95 % interval"
+        )
+
+
+@lut_app.command()
+def trace(
+    file: LutFile,
+    power_W: Annotated[
+        float, typer.Option("--power", metavar="W", help="which entry: the one nearest to it")
+    ],
+    folder: Folder = DEFAULT_FOLDER,
+    db: Database = None,
+) -> None:
+    """From one entry of a table back to the measurements that it rests on."""
+    from bench.trace import trace_entry
+
+    table = read_lut(file)
+    told = trace_entry(file, table, power_W, registry=Registry(folder), db=database_url(db))
+    stamp(told.virtual)
+    for line in told.lines:
+        out.print(escape(line))

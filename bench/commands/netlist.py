@@ -1,0 +1,55 @@
+"""The verb netlist: an operating point as a circuit for ngspice."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from bench.commands.streams import out
+from bench.errors import InputError, Problem
+from bench.prediction import model_from
+from sim.netlist import netlist
+from sim.operating_points import Points
+
+app = typer.Typer()
+
+ENDING = ".cir"
+
+
+@app.command("netlist")
+def netlist_(
+    D1: Annotated[float, typer.Option("--D1", help="duty ratio of the primary's pulse, 0 to 1")],
+    D2: Annotated[float, typer.Option("--D2", help="inner phase shift of the secondary, 0 to 1")],
+    power_W: Annotated[float, typer.Option("--P", metavar="W", help="output power")],
+    out_file: Annotated[Path, typer.Option("--out", metavar="FILE.cir", help="where to write it")],
+    model_file: Annotated[
+        Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")
+    ] = None,
+) -> None:
+    """Write an operating point as a switch-level circuit; `ngspice -b FILE.cir` runs it and prints what it measures."""
+    _check(D1=D1, D2=D2, power_W=power_W, out_file=out_file)
+    model = model_from(model_file)
+    converter = model.converter
+    point = Points(D1=D1, D2=D2, power_W=power_W, V1_V=converter.V1_V, V2_V=converter.V2_V)
+    text = netlist(model, point)
+    out_file.parent.mkdir(parents=True, exist_ok=True)
+    out_file.write_text(text, encoding="utf-8")
+    out.print(escape(f"{text.splitlines()[0].removeprefix('* ')}, written to {out_file}"))
+
+
+def _check(*, D1: float, D2: float, power_W: float, out_file: Path) -> None:
+    """InputError with everything that is wrong with the options."""
+    problems = [
+        Problem(file="command line", field=field, value=value, allowed="a number from 0 to 1")
+        for field, value in (("--D1", D1), ("--D2", D2))
+        if not 0 <= value <= 1
+    ]
+    if not math.isfinite(power_W):
+        problems.append(Problem(file="command line", field="--P", value=power_W, allowed="a power in W"))
+    if out_file.suffix != ENDING:
+        said = f"the name must end in {ENDING}"
+        problems.append(Problem(file="command line", field="--out", value=str(out_file), allowed=said))
+    if problems:
+        raise InputError(problems)

@@ -1,0 +1,99 @@
+"""The verb retrain: a model that follows the measurements, and is only ever replaced by one that is no worse."""
+
+import os
+import threading
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from bench.commands.bench import on_signals
+from bench.commands.models import now
+from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
+from bench.commands.streams import err, out, stamp
+from bench.errors import InputError
+from bench.prediction import model_from
+from bench.retrain import KINDS, Retrainer, Retraining, newest_data, note_in_store, watch
+from bench.store import Store, database_url
+from bench.training_data import TrainingData
+from models.dataset import load_measurements
+from models.registry import Registry
+from models.surrogate import D2EA
+
+app = typer.Typer()
+
+LOOK_EVERY_S = 1.0
+NICE = 10  # the campaign's process goes first
+
+
+@app.command()
+def retrain(
+    campaign_id: Annotated[
+        int | None, typer.Argument(metavar="[CAMPAIGN_ID]", min=1, help="else the newest")
+    ] = None,
+    keep_watching: Annotated[
+        bool, typer.Option("--watch", help="go on: retrain as measurements come in, until Ctrl-C")
+    ] = False,
+    every: Annotated[
+        int, typer.Option(min=1, help="with --watch: accepted rows between two retrainings")
+    ] = 25,
+    kind: Annotated[str, typer.Option(help=f"of model: {' or '.join(KINDS)}")] = D2EA,
+    diagnose: Annotated[
+        bool, typer.Option("--diagnose/--no-diagnose", help="renew the diagnosis as well")
+    ] = True,
+    folder: Folder = DEFAULT_FOLDER,
+    sim_model: SimModel = None,
+    db: Database = None,
+) -> None:
+    """Train on all accepted rows of a bench, judge on blocks that no model saw, and promote what is no worse.
+
+    With --watch it goes on beside a campaign, in a process of its own that yields to the measuring.
+    """
+    if kind not in KINDS:
+        raise InputError.of("command line", "--kind", kind, f"one of {', '.join(KINDS)}")
+    retrainer = Retrainer(registry=Registry(folder), simulator=model_from(sim_model), now=now, kind=kind)
+    with Store(database_url(db)) as store:
+        if not keep_watching:
+            data = newest_data(store, campaign_id)
+            if data is None:
+                raise InputError.of(
+                    "database", "campaigns", None, "none yet; d2ea run or d2ea import makes one"
+                )
+            _settle(store, data, retrainer.retrain(data), diagnose)
+            return
+        if campaign_id is not None:
+            raise InputError.of("command line", "--watch", True, "follows the newest campaign; name none")
+        os.nice(NICE)
+        stop = threading.Event()
+        with on_signals(stop.set):
+            out.print(
+                f"watching {escape(store.url)}; a retraining after every {every} accepted rows. Ctrl-C ends it."
+            )
+            rounds = watch(store, retrainer, every=every, wait=lambda: not stop.wait(LOOK_EVERY_S))
+            for data, retraining in rounds:
+                _settle(store, data, retraining, diagnose)
+        err.print("no longer watching")
+
+
+def _settle(store: Store, data: TrainingData, retraining: Retraining, diagnose: bool) -> None:
+    """Say what came of it, note it beside the campaign, and renew the diagnosis."""
+    stamp(bool(data.virtual))
+    out.print(escape(f"{len(data)} accepted rows of {data.data}"))
+    out.print(escape(retraining.said))
+    note_in_store(store, data, retraining)
+    for file in retraining.files:
+        out.print(escape(f"table: {file}"))
+    for line in retraining.lut.unsound if retraining.lut else ():
+        err.print(f"[bold yellow]between rows:[/] {escape(str(line))}")
+    if diagnose and retraining.decision is not None:
+        _diagnose(store, data)
+
+
+def _diagnose(store: Store, data: TrainingData) -> None:
+    from bench.wording import verdict_text
+    from models.diagnosis.diagnose import diagnose as find_cause  # here: it loads slowly
+
+    newest = data.campaigns[-1]
+    verdict = find_cause(load_measurements(store.measurement_table(newest))).as_plain(None)
+    store.add_diagnosis(verdict, campaign_id=newest)
+    out.print(escape(f"diagnosis of campaign {newest}: {verdict_text(verdict)}"))

@@ -1,0 +1,394 @@
+"""What is seen, as plain values made of what is stored: pure functions, and no word about how it looks."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import pairwise
+from statistics import fmean, median, stdev
+
+from bench.dashboard.watcher import Feed, Overview
+from bench.store import BenchRow, BenchState, LinkReport, Row, SeenMoment
+from bench.wording import counted, duration, per_cent, points_text, unit_of
+
+STALE_S = 15.0  # real seconds without news from a campaign that runs
+NEAR = 0.95  # of a limit: worth a second look
+RECENT = 30  # judged rows that tell how fast it goes
+LOADED = frozenset({"load", "reference"})
+PHASES = ("setting", "settling", "measuring")
+LEVELS = ("unsafe", "unconfirmed", "running", "paused", "waiting", "off", "unknown")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Banner:
+    """The bench in one line and one level (one of ``LEVELS``); ``todo`` is what a person has to do now."""
+
+    level: str
+    title: str
+    said: str
+    todo: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgressView:
+    """How far a campaign is; shares are fractions, ``left`` is words, empty while nobody knows."""
+
+    name: str
+    number: int
+    state: str
+    done: int
+    planned: int
+    rejected: int
+    left: str
+    point: str
+    phase: str
+    settling: str
+    settling_share: float
+    asked: str
+    stale: str
+
+    @property
+    def share(self) -> float:
+        """Rows judged, of those planned."""
+        return self.done / self.planned if self.planned else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitView:
+    """A guarded quantity: ``level`` is good, near, above or missing."""
+
+    label: str
+    value: str
+    limit: str
+    share: float
+    level: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkView:
+    """An instrument: who it is, where, how old its last reading is, how well it answers."""
+
+    name: str
+    identity: str
+    resource: str
+    reading: str
+    age: str
+    quality: float
+    failures: str
+    level: str
+    last_error: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapView:
+    """Measured less simulated efficiency so far, in words; ``level`` is agree, off or nothing."""
+
+    mean: str
+    uncertainty: str
+    measured: str
+    simulated: str
+    last: str
+    points: int
+    level: str
+
+
+# --- the bench ----------------------------------------------------------------------------------------
+
+
+def banner(overview: Overview) -> Banner:
+    """The most alarming thing that is known of any bench."""
+    if not overview.benches:
+        if overview.problem:
+            return Banner(level="unknown", title="Nothing is known", said=overview.problem)
+        return Banner(
+            level="unknown", title="No bench yet", said="Nothing has ever been switched on from here."
+        )
+    return min(
+        (_banner_of(bench, overview) for bench in overview.benches), key=lambda b: LEVELS.index(b.level)
+    )
+
+
+def _banner_of(bench: BenchRow, overview: Overview) -> Banner:
+    row = overview.campaign(bench.campaign_id) if bench.campaign_id is not None else None
+    if bench.state is BenchState.UNSAFE:
+        return Banner(
+            level="unsafe",
+            title=f"UNSAFE: {bench.name}",
+            said=f"since {clock(bench.unsafe_since)}: {bench.unsafe}",
+            todo="Switch it off by hand and see that it is off. Then, at the bench: d2ea clear",
+        )
+    if bench.state is BenchState.UNCONFIRMED:
+        return Banner(
+            level="unconfirmed",
+            title=f"Not seen off: {bench.name}",
+            said="the campaign that switched it on is gone; its controller trips by itself when beats stay away",
+            todo="See that it is off. d2ea resume switches it off and goes on; d2ea clear when you have seen it off",
+        )
+    if bench.state is BenchState.ON or (row is not None and row["is_live"]):
+        return _running(bench, row)
+    if bench.state is BenchState.OFF:
+        said = f"seen off {clock(bench.seen_off)}" + (f": {bench.said}" if bench.said else "")
+        return Banner(level="off", title=f"Off: {bench.name}", said=said)
+    return Banner(level="unknown", title=bench.name, said="never switched on from here")
+
+
+def _running(bench: BenchRow, row: Row | None) -> Banner:
+    state = str(row["shown"]) if row else "running"
+    said = f"campaign {row['id']}, {row['name']}" if row else "a campaign has it"
+    if state == "paused":
+        return Banner(
+            level="paused", title=f"Paused: {bench.name}", said=f"{said}; the bench is off and waits"
+        )
+    if state == "waiting":
+        return Banner(level="waiting", title=f"Waiting: {bench.name}", said=f"{said} waits for its time")
+    title = "Checking" if state == "checking" else "Running"
+    return Banner(level="running", title=f"{title}: {bench.name}", said=said)
+
+
+# --- the campaign -------------------------------------------------------------------------------------
+
+
+def progress(feed: Feed, now: datetime) -> ProgressView:
+    """Where the campaign stands."""
+    row, moment = feed.campaign, feed.moment
+    live = bool(row["is_live"])
+    settling = moment.settling if moment and live else None
+    return ProgressView(
+        name=str(row["name"]),
+        number=int(row["id"]),
+        state=str(row["shown"]),
+        done=len(feed.rows),
+        planned=int(row["planned"]),
+        rejected=sum(item["state"] == "rejected" for item in feed.rows),
+        left=_left(feed) if live and row["shown"] == "running" else "",
+        point=_point(feed) if live else "",
+        phase=moment.phase if moment and live else "",
+        settling=_settling(settling.elapsed_s, settling.limit_s, settling.moving) if settling else "",
+        settling_share=min(1.0, settling.elapsed_s / settling.window_s) if settling else 0.0,
+        asked="" if row["shown"] == "paused" else str(row["request"] or ""),
+        stale=_stale(moment, now) if live else "",
+    )
+
+
+def _left(feed: Feed) -> str:
+    """Time left in words, from the pace of the last rows."""
+    times = [datetime.fromisoformat(item["judged"]) for item in feed.rows[-RECENT:]]
+    steps = [(b - a).total_seconds() for a, b in pairwise(times)]
+    if not steps:
+        return ""
+    return f"about {duration(median(steps) * (feed.campaign['planned'] - len(feed.rows)))} left"
+
+
+def _point(feed: Feed) -> str:
+    point_id = feed.moment.point_id if feed.moment else None
+    row = next((item for item in feed.planned if item["id"] == point_id), None)
+    if row is None:
+        return ""
+    if row["kind"] == "standby":
+        return "standby: PWM off, load off"
+    modulation = f"D1 {row['D1']:.3f}, D2 {row['D2']:.3f}"
+    if row["kind"] == "no_load":
+        return f"no load: {modulation}"
+    return f"{modulation}, {row['P_set_W']:.0f} W" + (" (reference)" if row["kind"] == "reference" else "")
+
+
+def _settling(elapsed_s: float, limit_s: float, moving: str) -> str:
+    still = f"; still moving: {moving}" if moving else ""
+    return f"{elapsed_s:.0f} s, given up after {limit_s:.0f} s{still}"
+
+
+def _stale(moment: SeenMoment | None, now: datetime) -> str:
+    if moment is None:
+        return ""
+    silent_s = (now - datetime.fromisoformat(moment.written)).total_seconds()
+    return f"no news for {duration(silent_s)}" if silent_s > STALE_S else ""
+
+
+def gap(rows: Sequence[Row]) -> GapView:
+    """How far the simulation is off on the accepted rows; agreement is judged at two standard errors."""
+    known = [(m, s) for m, s in map(_efficiencies, rows) if m is not None and s is not None]
+    if not known:
+        return GapView(
+            mean="–", uncertainty="", measured="–", simulated="–", last="–", points=0, level="nothing"
+        )
+    residuals = [measured - simulated for measured, simulated in known]
+    mean, (measured, simulated) = fmean(residuals), known[-1]
+    error = stdev(residuals) / math.sqrt(len(residuals)) if len(residuals) > 1 else math.nan
+    off = abs(mean) > 2 * error if math.isfinite(error) else False
+    return GapView(
+        mean=signed(mean),
+        uncertainty=f"± {points_text(2 * error)}" if math.isfinite(error) else "",
+        measured=per_cent(measured, 3),
+        simulated=per_cent(simulated, 3),
+        last=signed(measured - simulated),
+        points=len(known),
+        level="off" if off else "agree",
+    )
+
+
+def _efficiencies(row: Row) -> tuple[float | None, float | None]:
+    if row["state"] != "accepted" or row["kind"] not in LOADED:
+        return None, None
+    return row["efficiency"], row["predicted_efficiency"]
+
+
+# --- limits and instruments ---------------------------------------------------------------------------
+
+
+def limits(campaign: Row, moment: SeenMoment | None) -> list[LimitView]:
+    """Every guarded quantity with its limit; the present value where there is one."""
+    upper, readings = _upper(campaign), _present(moment)
+    return [_limit(name, limit, readings.get(name)) for name, limit in upper.items()]
+
+
+def _present(moment: SeenMoment | None) -> Mapping[str, float | None]:
+    """Readings that are of now: a bench that is off or paused still has its last ones."""
+    return moment.readings if moment and moment.phase in PHASES else {}
+
+
+def _upper(campaign: Row) -> dict[str, float]:
+    """Upper limits by column, from the bench that the campaign was planned on; empty for an imported one."""
+    told = ((campaign["config"] or {}).get("bench") or {}).get("limits") or {}
+    columns = {
+        "V1_V": "voltage_V",
+        "I1_A": "current_A",
+        "P1_W": "power_W",
+        "V2_V": "output_voltage_V",
+        "T_heatsink_C": "heatsink_C",
+        "T_transformer_C": "winding_C",
+        "T_inductor_C": "winding_C",
+    }
+    return {column: float(told[key]) for column, key in columns.items() if told.get(key) is not None}
+
+
+def _limit(name: str, limit: float, value: float | None) -> LimitView:
+    unit = unit_of(name)
+    share = value / limit if value is not None and limit > 0 else 0.0
+    level = "missing" if value is None else "above" if share > 1 else "near" if share > NEAR else "good"
+    return LimitView(
+        label=label(name),
+        value="–" if value is None else f"{value:.1f} {unit}",
+        limit=f"{limit:g} {unit}",
+        share=min(max(share, 0.0), 1.0),
+        level=level,
+    )
+
+
+def label(column: str) -> str:
+    """A column's name for people.
+
+    >>> label("T_heatsink_C"), label("V1_V"), label("P2_W")
+    ('heatsink', 'input voltage', 'output power')
+    """
+    named = {
+        "V1_V": "input voltage", "I1_A": "input current", "P1_W": "input power",
+        "V2_V": "output voltage", "I2_A": "output current", "P2_W": "output power",
+    }  # fmt: skip
+    return named.get(column) or column.removeprefix("T_").rsplit("_", 1)[0].replace("_", " ")
+
+
+SHOWN_OF = {
+    "analyzer": ("P1_W", "P2_W"),
+    "supply": ("V1_V", "I1_A"),
+    "load": ("V2_V", "I2_A"),
+    "controller": ("D0", "T_heatsink_C"),
+}
+
+
+def links(campaign: Row, moment: SeenMoment | None, now: datetime) -> list[LinkView]:
+    """The instruments of a campaign's bench."""
+    identities = campaign["instruments"] or {}
+    reports = moment.instruments if moment else {}
+    since_s = (now - datetime.fromisoformat(moment.written)).total_seconds() if moment else 0.0
+    names = dict.fromkeys((*SHOWN_OF, *identities, *reports))
+    return [
+        _link(name, str(identities.get(name, "")), reports.get(name), (moment, since_s))
+        for name in names
+        if name in identities or name in reports
+    ]
+
+
+def _link(
+    name: str, identity: str, report: LinkReport | None, seen: tuple[SeenMoment | None, float]
+) -> LinkView:
+    moment, since_s = seen
+    readings = _present(moment)
+    values = [(column, readings.get(column)) for column in SHOWN_OF.get(name, ())]
+    said = ", ".join(
+        f"{value:.4g} {unit_of(column)}".strip() for column, value in values if value is not None
+    )
+    quality = report.quality if report else 1.0
+    age_s = report.age_s + since_s if report and report.age_s is not None else None
+    return LinkView(
+        name=name,
+        identity=identity or "not identified yet",
+        resource=report.resource if report else "",
+        reading=said or "–",
+        age=duration(age_s) if age_s is not None else "–",
+        quality=quality,
+        failures=f"{report.failures} of {report.exchanges}" if report else "–",
+        level="good" if quality > 0.999 else "near" if quality > 0.95 else "above",
+        last_error=report.last_error if report else "",
+    )
+
+
+# --- words --------------------------------------------------------------------------------------------
+
+
+def signed(fraction: float) -> str:
+    """A difference of efficiency with its sign, in points.
+
+    >>> signed(-0.0112)
+    '−1.120'
+    """
+    return f"{100 * fraction:+.3f}".replace("-", "−")
+
+
+def clock(stamp: str | None) -> str:
+    """A stored time for people: local time, with the date when it is not today's."""
+    if not stamp:
+        return ""
+    local = datetime.fromisoformat(stamp).astimezone()
+    today = datetime.now(UTC).astimezone().date()
+    return f"{local:%H:%M:%S}" if local.date() == today else f"{local:%Y-%m-%d %H:%M}"
+
+
+STEPS = frozenset({"planned", "set", "settled", "measured"})  # of a point: many, and seen elsewhere
+
+
+def happened(feed: Feed, most: int = 12) -> list[tuple[str, str, str]]:
+    """(when, what, detail) of the last things worth a line, the newest first."""
+    rows = {row["id"]: row for row in feed.rows[-4 * most :]}
+    lines = []
+    for event in reversed(feed.events):
+        row = rows.get(event["point_id"])
+        if event["event"] in STEPS and event["point_id"] is not None:
+            continue
+        detail = str(event["detail"] or "") if row is None else _row_text(row, str(event["detail"] or ""))
+        lines.append((clock(event["written"]), str(event["event"]), detail))
+    return lines[:most]
+
+
+def _row_text(row: Row, reason: str) -> str:
+    place = f"D1 {row['D1']:.3f}, D2 {row['D2']:.3f}, {row['P_set_W']:.0f} W"
+    measured = f": {per_cent(row['efficiency'], 3)}" if row["efficiency"] is not None else f": {row['kind']}"
+    return place + measured + (f"; {reason}" if reason else "")
+
+
+def campaign_rows(overview: Overview) -> list[dict[str, str]]:
+    """All campaigns, the newest first, as words."""
+    return [
+        {
+            "id": str(row["id"]),
+            "name": str(row["name"]),
+            "state": str(row["shown"]),
+            "lab": "virtual" if row["virtual"] else "hardware",
+            "rows": f"{row['accepted']} of {row['planned']}",
+            "rejected": counted(row["rejected"], "row") if row["rejected"] else "none",
+            "created": clock(row["created"]),
+            "ended": clock(row["ended"]) if row["ended"] else "–",
+            "off": str(row["power_off"] or ""),
+            "error": str(row["error"] or ""),
+        }
+        for row in sorted(overview.campaigns, key=lambda row: -row["id"])
+    ]

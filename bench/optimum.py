@@ -1,0 +1,47 @@
+"""The best modulation over load as a table for firmware: search, choice of rows, and what lies between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from bench.training import feasible_of
+from models.exhaustive import ensembles
+from models.feasibility import FeasibleMap
+from models.lattice import optimise_on_lattice
+from models.lut import Lut, Surroundings, edge_gap_of, make_lut
+from models.optimise import OptimumTable, optimise, optimise_exactly
+from models.pso import PSO_SAVL_POLISHED
+from models.surrogate import EfficiencyModel
+from sim.model import Model
+
+LOADS_W = tuple(float(power_W) for power_W in range(200, 2001, 100))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BestModulation:
+    """A search over the same loads for one model after another; the simulator's mask is asked for once."""
+
+    simulator: Model
+    loads_W: Sequence[float] = LOADS_W
+
+    @cached_property
+    def mask(self) -> FeasibleMap:
+        """Which D1 and D2 carry each load."""
+        gap = edge_gap_of(self.simulator)
+        return FeasibleMap.build(feasible_of(self.simulator), self.loads_W, edge_gap=gap)
+
+    def swarm(self, model: EfficiencyModel, seed: int) -> OptimumTable:
+        """The optimum that PSO-SAVL finds, with its regret."""
+        return optimise(model, self.loads_W, self.mask, seed=seed, optimiser=PSO_SAVL_POLISHED)
+
+    def exactly(self, model: EfficiencyModel) -> OptimumTable:
+        """The optimum without a search where the model is made of trees, else on a lattice."""
+        if ensembles(model) is None:
+            return optimise_on_lattice(model, np.asarray(self.loads_W, dtype=np.float64))
+        return optimise_exactly(model, self.loads_W, self.mask)
+
+    def table(self, model: EfficiencyModel, optimum: OptimumTable, half_width: float = float("nan")) -> Lut:
+        """The rows for a controller."""
+        return make_lut(optimum, Surroundings(model=model, simulator=self.simulator), half_width=half_width)

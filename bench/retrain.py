@@ -1,0 +1,244 @@
+"""Automatic retraining: new measurements → candidate → judged on blocks that nobody saw → promoted or kept out.
+
+The candidate is fitted to the accepted rows outside the held-out blocks (:mod:`models.held_blocks`) and judged on
+those inside, against the model in use and against the simulation itself, on the same rows: those that the model in
+use was not fitted to either. It is promoted when its mean absolute error is not larger than theirs; what was judged
+is what is used, no refit follows. Either way the decision and its reason go into the journal.
+
+Nothing here touches a bench: it reads the database beside a campaign, which never waits for it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bench.lut_file import LutOrigin, write_beside
+from bench.optimum import LOADS_W, BestModulation
+from bench.store import Store
+from bench.training import HALF_WIDTH, HELD_OUT, efficiency_of, simulated_table
+from bench.training_data import TrainingData, same_bench
+from bench.wording import points_text
+from models.accuracy import accuracy_of, half_width
+from models.boosting import Floats
+from models.feasibility import Bools
+from models.held_blocks import held_out
+from models.journal import Choice, Decision, Journal
+from models.lut import Lut
+from models.registry import Origin, Registry, data_hash
+from models.surrogate import (
+    D2EA,
+    SIMULATOR_FIRST,
+    EfficiencyModel,
+    SimulatorStage,
+    StagedModel,
+    inputs_of,
+    train_d2ea,
+    train_simulator_first,
+)
+from sim.model import Model
+
+KINDS = (D2EA, SIMULATOR_FIRST)
+LEAST_FITTED = 20  # rows; fewer say little about anything
+LEAST_JUDGED = 5  # rows that neither model saw
+SIMULATION = "simulation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Retraining:
+    """What one look at the data came to; without a decision, ``said`` tells what is missing."""
+
+    said: str
+    decision: Decision | None = None
+    lut: Lut | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def promoted(self) -> bool:
+        """Whether the candidate is in use now."""
+        return self.decision is not None and self.decision.decision is Choice.PROMOTED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Retrainer:
+    """Retrains one kind of model in one registry, against one simulator."""
+
+    registry: Registry
+    simulator: Model
+    now: Callable[[], str]
+    kind: str = D2EA
+    shape: tuple[int, int, int] = (25, 25, 20)  # of the simulated grid: D1, D2, power
+    loads_W: tuple[float, ...] = LOADS_W  # of the table
+
+    @property
+    def journal(self) -> Journal:
+        """The decisions about this registry's models."""
+        return Journal(self.registry.root)
+
+    @cached_property
+    def simulated(self) -> pd.DataFrame:
+        """The feasible points of the grid; simulated once."""
+        return simulated_table(self.simulator, self.shape)
+
+    @cached_property
+    def search(self) -> BestModulation:
+        """The search over load; it asks the simulator once what each load can be carried with."""
+        return BestModulation(simulator=self.simulator, loads_W=self.loads_W)
+
+    def retrain(self, data: TrainingData) -> Retraining:
+        """Train, judge and decide; the table of a promoted model is written beside it."""
+        if not len(data):
+            return Retraining(said="waiting: no accepted rows yet")
+        held = held_out(data.rows)
+        unseen = self._unseen(data, held)
+        if (~held).sum() < LEAST_FITTED or unseen.sum() < LEAST_JUDGED:
+            said = f"waiting: {(~held).sum()} rows to fit and {unseen.sum()} that no model saw"
+            return Retraining(said=f"{said}; {LEAST_FITTED} and {LEAST_JUDGED} are needed")
+        sha = data_hash(data.rows, self.simulated)
+        if any(entry.data_sha256 == sha for entry in self.journal.decisions()):
+            return Retraining(said=f"nothing new since the last decision: {len(data)} rows")
+        candidate = self._fit(data.rows[~held])
+        judged = data.rows[unseen]
+        models: dict[str, EfficiencyModel] = {"candidate": candidate} | self._rivals()
+        errors = errors_on(judged, models)
+        names = np.array(data.names)
+        record = self.registry.save(
+            candidate,
+            data_sha256=sha,
+            created=self.now(),
+            metrics={
+                HELD_OUT: errors["candidate"],
+                HALF_WIDTH: half_width(candidate.predict(*inputs_of(judged)), truth_of(judged)),
+            },
+            origin=Origin(
+                data=data.data,
+                virtual=data.virtual,
+                fitted=tuple(names[~held].tolist()),
+                held_out=tuple(names[held].tolist()),
+            ),
+        )
+        decision = self._decide(record.id, sha, errors, int(unseen.sum()))
+        if decision.decision is not Choice.PROMOTED:
+            return Retraining(said=said_of(decision), decision=self.journal.note(decision))
+        lut = self.search.table(candidate, self.search.exactly(candidate), record.metrics[HALF_WIDTH])
+        files = write_beside(self.registry.root / record.id, lut, LutOrigin.of(record))
+        noted = self.journal.note(decision)  # last: a model in use always has its table
+        return Retraining(said=said_of(noted), decision=noted, lut=lut, files=files)
+
+    def _unseen(self, data: TrainingData, held: Bools) -> Bools:
+        """Rows in held-out blocks that the model in use was not fitted to, (N,) of bool."""
+        used = self.journal.in_use()
+        seen = frozenset(self.registry.origin(used).fitted) if used else frozenset()
+        return np.asarray(held & np.array([name not in seen for name in data.names]))
+
+    def _fit(self, measured: pd.DataFrame) -> StagedModel:
+        if self.kind == SIMULATOR_FIRST:
+            return train_simulator_first(efficiency_of(self.simulator), measured)
+        return train_d2ea(self.simulated, measured)
+
+    def _rivals(self) -> dict[str, EfficiencyModel]:
+        """The simulation itself, and the model in use where there is one."""
+        efficiency = efficiency_of(self.simulator)
+        rivals: dict[str, EfficiencyModel] = {SIMULATION: SimulatorStage(efficiency)}
+        used = self.journal.in_use()
+        return rivals | ({used: self.registry.load(used, efficiency)} if used else {})
+
+    def _decide(self, model: str, sha: str, errors: Mapping[str, float], judged: int) -> Decision:
+        used = self.journal.in_use()
+        own = errors["candidate"]
+        better = {name: error for name, error in errors.items() if error < own}
+        told = f"{points_text(own)} points on {judged} unseen rows"
+        choice = Choice.KEPT_OUT
+        if model in self.journal.rolled_back():
+            reason = f"{told}, but a person took this very model back"
+        elif better:
+            rival = min(better, key=lambda name: better[name])
+            who = "the simulation alone has" if rival == SIMULATION else f"model {rival}, in use, has"
+            reason = f"{told}; {who} {points_text(better[rival])}"
+        else:
+            choice = Choice.PROMOTED
+            others = {SIMULATION: "the simulation"} | ({used: f"model {used}"} if used else {})
+            against = " and ".join(f"{others[name]} {points_text(errors[name])}" for name in others)
+            reason = f"{told}; {against}"
+        return Decision(
+            when=self.now(),
+            decision=choice,
+            model=model,
+            reason=reason,
+            replaced=used if choice is Choice.PROMOTED else None,
+            data_sha256=sha,
+            errors={model if name == "candidate" else name: error for name, error in errors.items()},
+        )
+
+
+def errors_on(measured: pd.DataFrame, models: Mapping[str, EfficiencyModel]) -> dict[str, float]:
+    """Mean absolute error of each model on the rows that all of them can predict.
+
+    Raises ValueError when there is no such row.
+    """
+    predicted = {name: model.predict(*inputs_of(measured)) for name, model in models.items()}
+    known = np.all([np.isfinite(values) for values in predicted.values()], axis=0)
+    truth = truth_of(measured)
+    return {name: accuracy_of(values[known], truth[known]).mean_abs for name, values in predicted.items()}
+
+
+def truth_of(measured: pd.DataFrame) -> Floats:
+    """Measured efficiency (N,)."""
+    return measured["efficiency"].to_numpy(dtype=np.float64)
+
+
+def said_of(decision: Decision) -> str:
+    """A decision in words."""
+    return f"model {decision.model} {decision.decision.replace('_', ' ')}: {decision.reason}"
+
+
+# --- the data of the newest campaign ------------------------------------------------------------------
+
+
+def newest_data(store: Store, campaign_id: int | None = None) -> TrainingData | None:
+    """Accepted rows of a campaign, by default the newest, and of the ones before it on its bench."""
+    ids = [row["id"] for row in store.campaigns()]
+    if campaign_id is not None:
+        store.campaign(campaign_id)
+    elif not ids:
+        return None
+    return TrainingData.of_campaigns(store, same_bench(store, campaign_id or max(ids)))
+
+
+def note_in_store(store: Store, data: TrainingData, retraining: Retraining) -> None:
+    """The decision beside the campaign that led to it."""
+    if (decision := retraining.decision) is None or not data.campaigns:
+        return
+    detail = {"decision": str(decision.decision), "reason": decision.reason, "errors": dict(decision.errors)}
+    store.add_model(decision.model, detail, campaign_id=data.campaigns[-1])
+
+
+def watch(
+    store: Store, retrainer: Retrainer, *, every: int, wait: Callable[[], bool]
+) -> Iterator[tuple[TrainingData, Retraining]]:
+    """Retrain after every ``every`` more accepted rows and once a campaign has ended, until ``wait`` is false.
+
+    Rows that a person rejected, or the campaign, are not counted and not learnt from.
+    """
+    learnt: dict[tuple[int, ...], int] = {}
+    going = True
+    while going:
+        ids, accepted, live = _accepted(store)
+        new = accepted - learnt.get(ids, 0)
+        if new >= every or (new > 0 and not live):
+            data = TrainingData.of_campaigns(store, ids)
+            learnt[ids] = accepted
+            yield data, retrainer.retrain(data)
+        going = wait()
+
+
+def _accepted(store: Store) -> tuple[tuple[int, ...], int, bool]:
+    """The campaigns on the bench of the newest one, their accepted rows, and whether one of them runs now."""
+    rows = {row["id"]: row for row in store.campaigns()}
+    if not rows:
+        return (), 0, False
+    ids = same_bench(store, max(rows))
+    return ids, sum(rows[id]["accepted"] for id in ids), any(rows[id]["is_live"] for id in ids)

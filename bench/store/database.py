@@ -1,0 +1,172 @@
+"""One database, SQLite or PostgreSQL: opened, made durable, and every failure of it a ``StoreError``.
+
+SQLite: WAL lets others read while a campaign writes, ``synchronous = FULL`` puts every commit on the disk before
+it returns. A database file that was deleted or replaced is noticed before each transaction: SQLite itself would
+go on writing into a file that nobody can open any more. PostgreSQL does all of this by itself.
+"""
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, insert, inspect, select, text
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, SQLAlchemyError
+
+from bench.errors import InputError, StoreError
+from bench.store.tables import SCHEMA, metadata, schema
+
+DEFAULT_URL = "sqlite:///d2ea-data/d2ea.sqlite"
+BUSY_MS = 10_000  # another process (status, export) may hold the file for a moment
+SCHEMA_LOCK = 0xD2EA  # PostgreSQL: only one process at a time makes the tables
+MEMORY = (None, "", ":memory:")
+
+_ADVICE = (
+    ("disk is full", "the disk is full: make room, then resume the campaign"),
+    ("No space left", "the disk is full: make room, then resume the campaign"),
+    ("readonly", "the database is read-only: give this user the right to write it, then resume the campaign"),
+    ("locked", f"another program has held the database for {BUSY_MS / 1000:g} s: end it, then resume"),
+    ("disk I/O error", "the disk failed: see the system's log, then resume the campaign"),
+    ("onnection", "the database server cannot be reached: start it, then resume the campaign"),
+)
+
+
+def database_url(option: str | None = None, configured: str | None = None) -> str:
+    """The option, else the bench's own, else D2EA_DB, else a file in the working directory.
+
+    InputError for a password in the option: arguments can be seen by everybody on the machine.
+    """
+    if option and "@" in option and re.search(r"://[^/@]*:[^/@]+@", option):
+        allowed = (
+            "a password does not belong on a command line; put the URL into D2EA_DB, or it into ~/.pgpass"
+        )
+        raise InputError.of("command line", "--db", None, allowed)
+    return option or configured or os.environ.get("D2EA_DB") or DEFAULT_URL
+
+
+class Database:
+    """An open database; ``durable`` transactions survive a power cut, ``passing`` ones need not."""
+
+    def __init__(self, url: str) -> None:
+        try:
+            parsed = _with_driver(make_url(url))
+            self.file = _file_of(parsed)
+            if self.file is not None:
+                self.file.parent.mkdir(parents=True, exist_ok=True)
+            self.engine = _engine(parsed, "FULL")
+            self._passing = _engine(parsed, "NORMAL") if self.file is not None else self.engine
+            self._make_tables()
+        except (ArgumentError, NoSuchModuleError, ModuleNotFoundError) as error:
+            raise InputError.of("database", "URL", None, f"not an SQLAlchemy URL: {error}") from error
+        except (SQLAlchemyError, OSError) as error:
+            where = parsed.render_as_string(hide_password=True)
+            raise InputError.of("database", "URL", where, f"cannot be opened: {_reason(error)}") from error
+        self.url = parsed.render_as_string(hide_password=True)
+        self._inode = self._present()
+
+    @property
+    def dialect(self) -> str:
+        """``sqlite`` or ``postgresql``."""
+        return self.engine.dialect.name
+
+    def close(self) -> None:
+        """Close all connections."""
+        self.engine.dispose()
+        self._passing.dispose()
+
+    @contextmanager
+    def durable(self) -> Iterator[Connection]:
+        """One transaction, on the disk when the block ends; ``StoreError`` when it is not."""
+        with self._telling(), self.engine.begin() as db:
+            yield db
+
+    @contextmanager
+    def passing(self) -> Iterator[Connection]:
+        """One transaction that others see at once, and that a power cut may take back."""
+        with self._telling(), self._passing.begin() as db:
+            if self.dialect == "postgresql":
+                db.execute(text("SET LOCAL synchronous_commit TO off"))
+            yield db
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """One view of the data."""
+        with self._telling(), self.engine.connect() as db:
+            yield db
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        if self.file is not None and self._present() != self._inode:
+            raise StoreError(f"the database {self.file} is gone, or another file has taken its place")
+        try:
+            yield
+        except DBAPIError as error:
+            said = _reason(error)
+            advice = next((advice for sign, advice in _ADVICE if sign in said), "")
+            raise StoreError(f"{self.url}: {said}" + (f"; {advice}" if advice else "")) from error
+
+    def _present(self) -> tuple[int, int] | None:
+        """Which file has the database's name now."""
+        if self.file is None:
+            return None
+        try:
+            found = self.file.stat()
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
+
+    def _make_tables(self) -> None:
+        try:
+            self._create_or_check()
+        except OperationalError:  # another process made them between our look and our try
+            self._create_or_check()
+
+    def _create_or_check(self) -> None:
+        with self.engine.begin() as db:
+            if self.dialect == "postgresql":
+                db.execute(text(f"SELECT pg_advisory_xact_lock({SCHEMA_LOCK})"))
+            names = set(inspect(db).get_table_names())
+            found = db.execute(select(schema.c.version)).scalar() if schema.name in names else None
+            if names & set(metadata.tables) and found != SCHEMA:
+                known = "an earlier version" if found is None else f"schema {found}"
+                raise InputError.of(
+                    "database", "schema", found, f"is of {known}; this program needs {SCHEMA}: name another"
+                )
+            if found is None:
+                metadata.create_all(db)
+                db.execute(insert(schema).values(version=SCHEMA))
+
+
+def _with_driver(url: URL) -> URL:
+    """PostgreSQL through psycopg, unless the URL names another driver."""
+    return url.set(drivername="postgresql+psycopg") if url.drivername in ("postgresql", "postgres") else url
+
+
+def _file_of(url: URL) -> Path | None:
+    if url.get_backend_name() != "sqlite" or url.database in MEMORY:
+        return None
+    return Path(str(url.database)).absolute()
+
+
+def _engine(url: URL, synchronous: str) -> Engine:
+    engine = create_engine(url)
+    if engine.dialect.name == "sqlite":
+
+        def configure(connection: Any, _: object) -> None:
+            cursor = connection.cursor()
+            for pragma in ("journal_mode = WAL", f"synchronous = {synchronous}", "foreign_keys = ON",
+                           f"busy_timeout = {BUSY_MS}"):  # fmt: skip
+                cursor.execute(f"PRAGMA {pragma}")
+            cursor.close()
+
+        event.listen(engine, "connect", configure)
+    return engine
+
+
+def _reason(error: Exception) -> str:
+    """What the database itself says, without SQLAlchemy's frame around it."""
+    cause = error.orig if isinstance(error, DBAPIError) else error
+    return " ".join(str(cause).split())

@@ -1,0 +1,35 @@
+"""Databases for the tests of what is stored: each runs on SQLite and on PostgreSQL."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bench.store import Store
+from experiments.harness.postgresql import Cluster, programs
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[Cluster]:
+    """A PostgreSQL server for this run of the tests."""
+    bin = programs()
+    if bin is None:
+        pytest.skip("missing program: postgresql")
+    with Cluster(bin) as running:
+        yield running
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """A fresh database of each kind."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path}/bench.sqlite"
+    cluster: Cluster = request.getfixturevalue("cluster")
+    return cluster.new_database()
+
+
+@pytest.fixture
+def store(url: str) -> Iterator[Store]:
+    """A fresh store on each kind of database."""
+    with Store(url) as opened:
+        yield opened

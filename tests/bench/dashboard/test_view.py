@@ -1,0 +1,122 @@
+"""What is seen, from what is stored: words and levels, no browser."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from bench.dashboard import view
+from bench.dashboard.watcher import Feed, Watcher
+from bench.states import State
+from bench.store import Store
+from tests.bench.dashboard.stored import BENCH, measure, moment_of, running_campaign
+
+
+@pytest.fixture
+def store() -> Iterator[Store]:
+    with Store("sqlite://") as opened:
+        yield opened
+
+
+def seen(store: Store, campaign: int) -> tuple[Watcher, Feed]:
+    """A watcher that has looked, and what it holds of a campaign."""
+    watcher = Watcher(store, now_s=iter(range(0, 10_000, 10)).__next__)
+    watcher.look()
+    watcher.feed(campaign)
+    watcher.look()
+    feed = watcher.feed(campaign)
+    assert feed is not None
+    return watcher, feed
+
+
+def test_a_running_bench_says_so(store: Store) -> None:
+    watcher, _ = seen(store, running_campaign(store))
+    shown = view.banner(watcher.overview)
+    assert (shown.level, shown.title) == ("running", f"Running: {BENCH}")
+
+
+def test_unsafe_outranks_everything_and_says_what_to_do(store: Store) -> None:
+    campaign = running_campaign(store)
+    store.benches.latch(BENCH, "load NOT confirmed off")
+    watcher, _ = seen(store, campaign)
+    shown = view.banner(watcher.overview)
+    assert shown.level == "unsafe"
+    assert "load NOT confirmed off" in shown.said
+    assert "by hand" in shown.todo
+
+
+def test_a_bench_seen_off_says_when_and_how(store: Store) -> None:
+    campaign = running_campaign(store)
+    store.benches.seen_off(BENCH, "PWM off; load off; supply off")
+    store.end(campaign, State.DONE, power_off="PWM off; load off; supply off")
+    store.benches.release(BENCH, campaign)
+    watcher, _ = seen(store, campaign)
+    shown = view.banner(watcher.overview)
+    assert shown.level == "off"
+    assert "PWM off; load off; supply off" in shown.said
+
+
+def test_progress_counts_rows_and_names_the_point(store: Store) -> None:
+    campaign = running_campaign(store, 4)
+    measure(store, campaign, [0, 1])
+    measure(store, campaign, [2], bad="P2_W is 8 % off")
+    store.live.write(campaign, moment_of(store, campaign, number=3))
+    _, feed = seen(store, campaign)
+    shown = view.progress(feed, datetime.now(UTC))
+    assert (shown.done, shown.planned, shown.rejected, shown.share) == (3, 4, 1, 0.75)
+    assert shown.point == "D1 0.800, D2 0.100, 1050 W"
+    assert shown.settling == "12 s, given up after 600 s; still moving: T_heatsink_C"
+    assert shown.settling_share == pytest.approx(0.6)
+    assert shown.stale == ""
+
+
+def test_a_campaign_that_is_silent_is_said(store: Store) -> None:
+    campaign = running_campaign(store)
+    store.live.write(campaign, moment_of(store, campaign))
+    _, feed = seen(store, campaign)
+    assert "no news for 1 min" in view.progress(feed, datetime.now(UTC) + timedelta(minutes=1)).stale
+
+
+def test_limits_tell_what_is_above_and_what_is_missing(store: Store) -> None:
+    campaign = running_campaign(store)
+    store.live.write(campaign, moment_of(store, campaign))
+    _, feed = seen(store, campaign)
+    levels = {item.label: item.level for item in view.limits(feed.campaign, feed.moment)}
+    assert levels["input current"] == "above"
+    assert levels["input power"] == "near"
+    assert levels["heatsink"] == "good"
+    assert levels["output voltage"] == "missing"
+
+
+def test_links_show_age_and_failures(store: Store) -> None:
+    campaign = running_campaign(store)
+    store.live.write(campaign, moment_of(store, campaign))
+    _, feed = seen(store, campaign)
+    assert feed.moment is not None
+    later = datetime.fromisoformat(feed.moment.written) + timedelta(seconds=2)
+    (link,) = view.links(feed.campaign, feed.moment, later)
+    assert (link.age, link.failures, link.level) == ("2.5 s", "20 of 1000", "near")
+    assert link.last_error == "no reply in 1 s"
+
+
+def test_the_gap_is_off_beyond_its_uncertainty_only(store: Store) -> None:
+    campaign = running_campaign(store, 6)
+    measure(store, campaign, [0, 1], efficiency=0.97)
+    measure(store, campaign, [2], efficiency=0.972)
+    measure(store, campaign, [3], efficiency=0.5, bad="the analyzer was in overrange")
+    _, feed = seen(store, campaign)
+    shown = view.gap(feed.rows)
+    assert (shown.level, shown.points) == ("off", 3)
+    assert shown.mean == "−0.933"
+    assert view.gap(()).level == "nothing"
+
+
+def test_what_happened_leaves_out_the_steps_of_points(store: Store) -> None:
+    campaign = running_campaign(store)
+    measure(store, campaign, [0])
+    measure(store, campaign, [1], bad="too hot")
+    _, feed = seen(store, campaign)
+    lines = [(what, detail) for _, what, detail in view.happened(feed)]
+    assert lines[0] == ("rejected", "D1 0.600, D2 0.100, 550 W: 97.000 %; too hot")
+    assert lines[1] == ("accepted", "D1 0.500, D2 0.100, 300 W: 97.000 %")
+    assert "settled" not in [what for what, _ in lines]

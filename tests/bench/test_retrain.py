@@ -1,0 +1,194 @@
+"""Retraining: judged on blocks that nobody saw, promoted or kept out with the reason, back to the rows."""
+
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.lut_file import model_of, read_lut
+from bench.retrain import Retrainer, Retraining, newest_data, note_in_store, watch
+from bench.store import Provenance, Store
+from bench.trace import trace_entry
+from bench.training_data import TrainingData
+from models.held_blocks import held_out
+from models.journal import Choice
+from models.registry import Registry
+from sim.model import Model
+from sim.operating_points import Points
+from sim.simulate import simulate
+
+WHEN = "2024-05-01T12:00:00+00:00"
+LOADS_W = (400.0, 600.0, 800.0)
+SETTINGS = {"simulator": Model.baseline(), "shape": (13, 13, 7), "loads_W": LOADS_W}
+
+
+def measured(count: int, *, seed: int = 1, resistance_Ohm: float = 0.15, noise: float = 2e-5) -> pd.DataFrame:
+    """Readings of a converter with a resistance that its simulation does not know."""
+    rng = np.random.default_rng(seed)
+    D1, D2, P_W = rng.uniform(0.7, 1.0, count), rng.uniform(0.0, 0.3, count), rng.uniform(300, 1200, count)
+    converter = Model.baseline().with_effect("link_resistance", resistance_Ohm=resistance_Ohm)
+    run = simulate(converter, Points(D1=D1, D2=D2, power_W=P_W))
+    table = pd.DataFrame({"D1": D1, "D2": D2, "P2_W": P_W, "P_set_W": P_W, "kind": "load"})
+    table["efficiency"] = run["efficiency"] + noise * rng.standard_normal(count)
+    table["P1_W"] = P_W / table["efficiency"]
+    return table[run.feasible].reset_index(drop=True)
+
+
+def file_data(table: pd.DataFrame, name: str = "theirs.csv") -> TrainingData:
+    return TrainingData.of_file(Path(name), table)
+
+
+@cache
+def shared(name: str) -> object:
+    """What every retrainer here would ask the simulator for: the same loads and grid each time."""
+    return getattr(Retrainer(registry=Registry(Path()), now=lambda: WHEN, **SETTINGS), name)
+
+
+def retrainer(folder: Path) -> Retrainer:
+    made = Retrainer(registry=Registry(folder), now=lambda: WHEN, **SETTINGS)
+    made.__dict__.update({name: shared(name) for name in ("search", "simulated")})
+    return made
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Retrainer, Retraining]:
+    """A retrainer whose first candidate has been promoted."""
+    made = retrainer(tmp_path_factory.mktemp("models"))
+    return made, made.retrain(file_data(measured(150)))
+
+
+def test_the_first_model_is_promoted_when_it_beats_the_simulation(
+    first: tuple[Retrainer, Retraining],
+) -> None:
+    made, result = first
+    assert result.promoted
+    assert result.decision is not None
+    assert made.journal.in_use() == result.decision.model
+    assert result.decision.errors[result.decision.model] <= result.decision.errors["simulation"]
+
+
+def test_its_table_is_written_beside_it_and_leads_back_to_it(first: tuple[Retrainer, Retraining]) -> None:
+    _, result = first
+    assert result.decision is not None
+    for file in result.files:
+        assert model_of(file) == result.decision.model
+        assert read_lut(file)["P_W"].tolist() == list(LOADS_W)
+
+
+def test_what_was_judged_was_not_fitted(first: tuple[Retrainer, Retraining]) -> None:
+    made, result = first
+    assert result.decision is not None
+    origin = made.registry.origin(result.decision.model)
+    assert not set(origin.fitted) & set(origin.held_out)
+    assert len(origin.fitted) + len(origin.held_out) == len(measured(150))
+
+
+def test_the_same_data_are_not_learnt_twice(first: tuple[Retrainer, Retraining]) -> None:
+    made, _ = first
+    again = made.retrain(file_data(measured(150)))
+    assert again.decision is None
+    assert "nothing new" in again.said
+
+
+def test_a_worse_candidate_is_kept_out_with_the_reason(first: tuple[Retrainer, Retraining]) -> None:
+    made, before = first
+    broken = measured(150)
+    broken.loc[~held_out(broken), "efficiency"] -= 0.05  # what it learns from is not what it is judged on
+    result = made.retrain(file_data(broken))
+    assert result.decision is not None
+    assert result.decision.decision is Choice.KEPT_OUT
+    assert "points on" in result.decision.reason
+    assert before.decision is not None
+    assert made.journal.in_use() == before.decision.model
+
+
+def test_a_model_that_was_taken_back_does_not_return_by_itself(tmp_path: Path) -> None:
+    made = retrainer(tmp_path)
+    for model in ("0123456789ab", "ba9876543210"):
+        made.journal.use(model, when=WHEN, reason="chosen")
+    made.journal.roll_back(when=WHEN, reason="odd")
+    errors = {"candidate": 0.001, "simulation": 0.1, "0123456789ab": 0.01}
+    decided = made._decide("ba9876543210", "0", errors, 30)
+    assert decided.decision is Choice.KEPT_OUT
+    assert "took this very model back" in decided.reason
+    assert made._decide("aaaaaaaaaaaa", "0", errors, 30).decision is Choice.PROMOTED
+
+
+def test_too_few_rows_wait(tmp_path: Path) -> None:
+    result = retrainer(tmp_path).retrain(file_data(measured(12)))
+    assert result.decision is None
+    assert "waiting" in result.said
+
+
+# --- from the database ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with Store(f"sqlite:///{tmp_path}/x.sqlite") as opened:
+        yield opened
+
+
+def imported(store: Store, table: pd.DataFrame) -> int:
+    return store.import_table("theirs", table, Provenance(config={}, config_hash="0", virtual=True))
+
+
+def test_an_entry_leads_back_to_its_measurements(store: Store, tmp_path: Path) -> None:
+    campaign = imported(store, measured(150))
+    data = newest_data(store)
+    assert data is not None
+    made = retrainer(tmp_path / "models")
+    result = made.retrain(data)
+    note_in_store(store, data, result)
+    lut = read_lut(result.files[0])
+    told = trace_entry(
+        result.files[0], lut, 610.0, registry=made.registry, db=f"sqlite:///{tmp_path}/x.sqlite"
+    )
+    assert told.virtual
+    assert "600 W" in told.lines[0]
+    nearest = [line for line in told.lines if line.startswith("near it: campaign")]
+    assert len(nearest) == 3
+    names = set(made.registry.origin(model_of(result.files[0])).fitted)
+    assert all(line.removeprefix("near it: ").split(":")[0] in names for line in nearest)
+    assert store.models(campaign)[0]["detail"]["decision"] == "promoted"
+
+
+def test_data_that_are_gone_are_said(store: Store, tmp_path: Path) -> None:
+    imported(store, measured(150))
+    data = newest_data(store)
+    assert data is not None
+    made = retrainer(tmp_path / "models")
+    file = made.retrain(data).files[0]
+    told = trace_entry(
+        file, read_lut(file), 600.0, registry=made.registry, db=f"sqlite:///{tmp_path}/other.sqlite"
+    )
+    assert "cannot be looked at: there is no campaign 1" in told.lines[-1]
+
+
+def test_watching_retrains_once_per_batch_of_rows(store: Store, tmp_path: Path) -> None:
+    looks = iter([True, True, True, False])
+    told: list[int] = []
+
+    def wait() -> bool:
+        if len(told) == 1:
+            imported(store, measured(60, seed=2))
+        return next(looks)
+
+    imported(store, measured(20))
+    for data, _ in watch(store, retrainer(tmp_path / "models"), every=10, wait=wait):
+        told.append(len(data))
+        if len(told) == 2:
+            break
+    assert told == [len(measured(20)), len(measured(60, seed=2))]
+
+
+def test_a_virtual_lab_and_hardware_are_never_mixed(store: Store) -> None:
+    from bench.errors import InputError
+
+    first_id = imported(store, measured(20))
+    second = store.import_table("real", measured(20), Provenance(config={}, config_hash="0", virtual=False))
+    with pytest.raises(InputError, match="never learnt from together"):
+        TrainingData.of_campaigns(store, [first_id, second])

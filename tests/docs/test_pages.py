@@ -1,0 +1,90 @@
+"""What the pages say can be typed, and what they have their reader write can be read."""
+
+import re
+import shutil
+from pathlib import Path
+
+import click
+import pytest
+from typer.main import get_command
+
+from bench import cli
+from bench.cli import build
+from bench.config import read_bench, read_campaign
+from bench.model_file import read_model
+from drivers.modbus_map import load_map
+from tests.docs.console import Command, commands, files
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+TYPED = [
+    pytest.param(command, id=f"{page.stem}: {command}")
+    for page in PAGES
+    for command in commands(page)
+    if Path(command.words[0]).name == "d2ea"
+]
+
+
+@pytest.mark.parametrize("command", TYPED)
+def test_a_documented_command_is_understood(command: Command) -> None:
+    words = [word for word in command.words[1:] if word != "&"]
+    group: click.Command = get_command(build())
+    context = group.make_context("d2ea", words, resilient_parsing=True)
+    while isinstance(group, click.Group):
+        name, group, words = group.resolve_command(context, words)
+        assert group is not None
+        if not isinstance(group, click.Group):
+            context = group.make_context(name, list(words), parent=context)  # raises a UsageError
+        else:
+            context = group.make_context(name, list(words), parent=context, resilient_parsing=True)
+
+
+def written() -> list[object]:
+    return [
+        pytest.param(name, text, id=f"{page.stem}: {name}")
+        for page in PAGES
+        for name, text in files(page).items()
+    ]
+
+
+@pytest.mark.parametrize(("name", "text"), written())
+def test_a_documented_file_can_be_read(name: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    if name == "bench.toml":
+        assert read_bench(path).name
+    elif name == "model.toml":
+        assert read_model(path).effects
+    elif name.endswith("_supply.toml"):
+        assert load_map(path).kind == "supply"
+    else:
+        assert read_campaign(path).name
+
+
+def test_documented_simulations_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "docs" / "examples" / "two_level_dab.toml", tmp_path)
+    for page in ("add-an-effect.md", "add-a-converter.md"):
+        found = ROOT / "docs" / "how-to" / page
+        for name, text in files(found).items():
+            Path(name).write_text(text)
+        for command in commands(found):
+            if command.words[1] == "simulate":
+                with pytest.raises(SystemExit) as ended:
+                    cli.main(command.words[1:])
+                assert not ended.value.code
+                assert Path("grid.csv").stat().st_size > 0
+                Path("grid.csv").unlink()
+
+
+def test_the_example_of_an_effect_is_one() -> None:
+    from sim.effects.base import Effect
+    from sim.effects.scalings import ParameterEffect, _added, _parameter
+
+    page = (ROOT / "docs" / "how-to" / "add-an-effect.md").read_text(encoding="utf-8")
+    block = re.search(r"```python\n(.*?)```", page, re.DOTALL)
+    assert block
+    names = {"ParameterEffect": ParameterEffect, "_added": _added, "_parameter": _parameter}
+    made = eval(block[1], names)
+    assert isinstance(made, Effect)
+    assert made.headline.lower <= made.headline.off <= made.headline.upper

@@ -1,0 +1,43 @@
+"""A circuit simulator that we did not write reaches the simulator's state, from the circuit file alone."""
+
+import pytest
+
+from experiments.peers.ngspice import NgspiceFailed, installed, run_ngspice
+from sim.model import Model
+from sim.netlist import SETTLED, Settling, netlist
+from sim.operating_points import Points
+from sim.simulate import simulate
+
+POINT = Points(D1=0.8, D2=0.1, power_W=800.0)
+
+
+@pytest.fixture(scope="module")
+def measured() -> dict[str, float]:
+    if not installed():
+        pytest.skip("missing program: ngspice")
+    return run_ngspice(netlist(Model.baseline(), POINT, Settling(settle_periods=16)))
+
+
+def test_the_circuit_settled(measured: dict[str, float]) -> None:
+    assert measured[SETTLED.lower()] == pytest.approx(measured["i_l_rms_a"], rel=5e-4)
+    assert abs(measured["i_l_mean_a"]) < 0.02  # of 3.2 A: adds in quadrature, 2e-5 of the rms
+
+
+def test_ngspice_has_the_same_current_and_power(measured: dict[str, float]) -> None:
+    ours = simulate(Model.baseline(), POINT)
+    assert measured["i_l_rms_a"] == pytest.approx(ours["I_L_rms_A"][0], rel=5e-3)  # the bar
+    assert measured["p2_w"] == pytest.approx(800.0, rel=5e-3)
+
+
+def test_ngspice_loses_as_much_in_the_primarys_channels(measured: dict[str, float]) -> None:
+    ours = simulate(Model.baseline(), POINT)
+    for kind in ("primary_outer", "primary_inner", "primary_clamp"):
+        name = f"loss_{kind}_conduction_W"
+        assert measured[name.lower()] == pytest.approx(ours[name][0], rel=0.02)  # the bar
+
+
+def test_a_circuit_that_does_not_run_is_told(tmp_path: object) -> None:
+    if not installed():
+        pytest.skip("missing program: ngspice")
+    with pytest.raises(NgspiceFailed, match="measured nothing"):
+        run_ngspice("* nothing\nR1 a 0 1\n.end\n")

@@ -1,0 +1,29 @@
+"""Blocks kept from every model: the same ones however many measurements there are."""
+
+import numpy as np
+import pandas as pd
+
+from models.held_blocks import held_out
+
+
+def points(count, seed=1):
+    rng = np.random.default_rng(seed)
+    return pd.DataFrame(
+        {"D1": rng.random(count), "D2": rng.random(count), "P2_W": rng.uniform(200, 2000, count)}
+    )
+
+
+def test_a_point_keeps_its_side_when_others_come():
+    table = points(400)
+    np.testing.assert_array_equal(held_out(table)[:100], held_out(table.iloc[:100]))
+
+
+def test_about_a_fifth_is_held_out():
+    # 4000 points in 800 cells: the share of cells is 0.2 +- 0.014, of points 0.2 +- 0.02
+    assert abs(held_out(points(4000)).mean() - 0.2) < 0.06
+
+
+def test_readings_of_one_set_point_stay_together():
+    table = points(200)
+    again = table.assign(P_set_W=table["P2_W"], P2_W=table["P2_W"] * 1.01)
+    np.testing.assert_array_equal(held_out(again), held_out(table))

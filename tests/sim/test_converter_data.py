@@ -1,0 +1,87 @@
+"""A converter as plain data: there and back, and everything wrong with it named."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.converter_data import ConverterDataError, converter_from_plain, converter_to_plain
+from sim.model import Model
+from sim.parameters import FullBridge
+from sim.prototype import prototype
+from sim.simulate import grid_of, simulate
+from sim.spread import everyday_spread
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "two_level_dab.toml"
+
+
+def example() -> dict[str, Any]:
+    """The example's tables, fresh."""
+    return tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))["converter"]
+
+
+def wrong_with(data: dict[str, Any]) -> dict[str, str]:
+    with pytest.raises(ConverterDataError) as caught:
+        converter_from_plain(data)
+    return {".".join(w.keys): w.allowed for w in caught.value.wrong}
+
+
+def test_the_prototype_comes_back_as_it_was() -> None:
+    assert converter_from_plain(converter_to_plain(prototype()), "hybrid") == prototype()
+
+
+def test_the_example_comes_back_as_it_was() -> None:
+    converter = converter_from_plain(example())
+    assert isinstance(converter.primary, FullBridge)
+    assert converter_from_plain(converter_to_plain(converter)) == converter
+
+
+def test_the_example_runs_at_a_believable_efficiency() -> None:
+    converter = converter_from_plain(example())
+    result = simulate(Model(converter=converter), grid_of(converter, (9, 9, 4)))
+    assert result.feasible.mean() > 0.2
+    assert 0.95 < np.nanmax(result["efficiency"]) < 0.995
+
+
+def test_a_value_brings_its_tolerance_to_the_spreads() -> None:
+    found = {s.path: s.sigma for s in everyday_spread(converter_from_plain(example()))}
+    assert found["secondary.switch.on.resistance_Ohm"] == 0.05
+    assert found["primary.switch.on.resistance_Ohm"] == 0.05  # of the part's data file
+
+
+def test_an_unknown_key_is_named_with_the_nearest() -> None:
+    data = example()
+    data["inductor"]["inductence_H"] = 1e-4
+    assert "did you mean 'inductance_H'" in wrong_with(data)["inductor.inductence_H"]
+
+
+def test_everything_wrong_is_listed_at_once() -> None:
+    data = example()
+    del data["transformer"]["turns_ratio"]
+    data["primary"]["switch"] = "IRF540"
+    data["secondary"]["switch"]["on"]["resistance_Ohm"] = -1.0
+    data["V1_V"] = "400 V"
+    assert set(wrong_with(data)) == {
+        "transformer.turns_ratio", "primary.switch", "secondary.switch.on", "V1_V",
+    }  # fmt: skip
+
+
+def test_a_rated_power_that_cannot_flow_is_a_contradiction() -> None:
+    assert "carry no more" in wrong_with(example() | {"rated_power_W": 5000.0})["rated_power_W"]
+
+
+def test_a_bridge_is_three_level_or_two_level_not_both() -> None:
+    data = example()
+    data["primary"]["clamp"] = "APT30DQ60BG"
+    assert "unknown key" in wrong_with(data)["primary.clamp"]
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 0.0, -1.0])
+def test_values_that_no_converter_has_are_refused(value: float) -> None:
+    assert "allowed: finite and > 0" in wrong_with(example() | {"frequency_Hz": value})[""]
+
+
+def test_a_dead_time_longer_than_the_half_period_allows_is_refused() -> None:
+    assert "up to a quarter of the half period" in wrong_with(example() | {"dead_time_s": 2e-6})[""]
