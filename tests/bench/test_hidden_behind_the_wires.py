@@ -24,13 +24,14 @@ CAMPAIGN = {
     "name": "what is hidden here?",
     "seed": SEED,
     "plan": {"kind": "latin_hypercube", "points": 16, "reference_every": 8},
+    "ranges": {"D1": [0.5, 1.0], "power_W": [200.0, 1200.0]},  # what is hidden shall not trip the heatsink
 }
 # one of each stage of the catalogue beside the demo's, which is of the circuit
 HIDDEN = {
     "gate_delay_skew": 100e-9,
     "sic_on_resistance": 0.6,
     "core_loss_transformer": 1.2,
-    "auxiliary_power": 5.0,
+    "auxiliary_power": 8.0,
     "thermal_resistance": 0.5,
     "analyzer_gain": 6e-3,
 }
@@ -86,10 +87,6 @@ def test_what_no_catalogue_has_is_unknown() -> None:
     assert answer(measured(FOREIGN))["verdict"] == "unknown"
 
 
-@pytest.mark.xfail(
-    strict=False,
-    reason="auxiliary power of 1.3 W is named: it imitates a core loss at 16 points, beside a leftover that is certain",
-)
 def test_what_is_left_out_of_the_catalogue_is_unknown() -> None:
     effect = "core_loss_transformer"
     said = answer(measured(((effect, HIDDEN[effect]),)), effect)
