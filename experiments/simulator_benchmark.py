@@ -21,6 +21,7 @@ from experiments.simulator.agreement import (
     time_stepping,
 )
 from experiments.simulator.circuit_simulator import ngspice_findings
+from experiments.simulator.knowledge_methods import knowledge_methods
 from experiments.simulator.load_steps import load_steps
 from experiments.simulator.points import Findings
 from experiments.simulator.reference import reference_findings
@@ -41,6 +42,7 @@ def run(settings: Settings) -> Result:
         "time stepping": lambda: time_stepping(settings),
         "reference": lambda: reference_findings(settings.reference),
         "load steps": load_steps,
+        "knowledge-based methods": lambda: knowledge_methods(settings),
         "virtual prototype": virtual_prototype,
     }
     countdown = Countdown(len(parts), settings)
@@ -55,4 +57,4 @@ def run(settings: Settings) -> Result:
     )
 
 
-EXPERIMENT = Experiment(title="Benchmark: the simulator against its bars", run=run)
+EXPERIMENT = Experiment(title="Benchmark: the simulator against its bars", run=run, apart=True)
