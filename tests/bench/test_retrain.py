@@ -86,6 +86,15 @@ def test_what_was_judged_was_not_fitted(first: tuple[Retrainer, Retraining]) -> 
     assert len(origin.fitted) + len(origin.held_out) == len(measured(150))
 
 
+def test_what_was_judged_taught_nothing(first: tuple[Retrainer, Retraining]) -> None:
+    odd = measured(150)
+    odd.loc[held_out(odd), "efficiency"] -= 0.05
+    result = first[0].retrain(file_data(odd))
+    assert result.decision is not None
+    # five points off in every row that judges, and none of them was learnt
+    assert result.decision.errors[result.decision.model] > 0.04
+
+
 def test_the_same_data_are_not_learnt_twice(first: tuple[Retrainer, Retraining]) -> None:
     made, _ = first
     again = made.retrain(file_data(measured(150)))

@@ -122,8 +122,19 @@ def test_a_zero_state_neither_comes_nor_goes_along_a_line():
     assert first.zero_state_appears
     assert not first.sound
     assert second.sound
-    chosen = make_lut(optimum([500, 600, 700], [0.9, 0.9, 0.9], [0.0, 0.02, 0.0]), AROUND)
-    assert len(set((chosen.D2 == 0).tolist())) == 1
+
+
+def test_rows_with_and_without_a_zero_state_are_not_mixed():
+    class Undecided:
+        """At one load a zero state is better, at the others none."""
+
+        def predict(self, D1, D2, power_W):
+            return 0.97 + 0.004 * ((D2 > 0) == (np.abs(power_W - 600) < 50))
+
+    around = Surroundings(model=Undecided(), simulator=SIMULATOR)
+    chosen = make_lut(optimum([500, 600, 700], [0.9, 0.9, 0.9], [0.0, 0.3, 0.0]), around)
+    assert chosen.D2.tolist() == [0.0, 0.0, 0.0]
+    assert chosen.unsound == ()
 
 
 def test_a_zero_state_that_a_longer_dead_time_swallows_is_not_used():
