@@ -86,10 +86,10 @@ def test_what_was_judged_was_not_fitted(first: tuple[Retrainer, Retraining]) -> 
     assert len(origin.fitted) + len(origin.held_out) == len(measured(150))
 
 
-def test_what_was_judged_taught_nothing(first: tuple[Retrainer, Retraining]) -> None:
+def test_what_was_judged_taught_nothing(tmp_path: Path) -> None:
     odd = measured(150)
     odd.loc[held_out(odd), "efficiency"] -= 0.05
-    result = first[0].retrain(file_data(odd))
+    result = retrainer(tmp_path).retrain(file_data(odd))
     assert result.decision is not None
     # five points off in every row that judges, and none of them was learnt
     assert result.decision.errors[result.decision.model] > 0.04

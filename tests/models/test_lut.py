@@ -129,7 +129,7 @@ def test_rows_with_and_without_a_zero_state_are_not_mixed():
         """At one load a zero state is better, at the others none."""
 
         def predict(self, D1, D2, power_W):
-            return 0.97 + 0.004 * ((D2 > 0) == (np.abs(power_W - 600) < 50))
+            return 0.97 + 0.9 * DIP * ((D2 > 0) == (np.abs(power_W - 600) < 50))
 
     around = Surroundings(model=Undecided(), simulator=SIMULATOR)
     chosen = make_lut(optimum([500, 600, 700], [0.9, 0.9, 0.9], [0.0, 0.3, 0.0]), around)
