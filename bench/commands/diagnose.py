@@ -1,6 +1,7 @@
 """The verb diagnose: what the simulation gets wrong, why, how sure, what to do."""
 
 import json
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,13 +13,14 @@ from rich.table import Table
 from bench.commands.campaigns import read_measurements
 from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
+from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
 from bench.model_file import write_model
 from bench.prediction import model_from
 from bench.store import Store, database_url
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
-from bench.wording import effect_name, parameter_text, verdict_text
+from bench.wording import counted, effect_name, parameter_text, verdict_text
 
 app = typer.Typer()
 
@@ -56,12 +58,21 @@ def diagnose(
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
         write_atomically(path, text)
-    write_table(found.residual_table(), out_dir / "residuals.csv")
+    residuals = found.residual_table()
+    write_table(residuals, out_dir / "residuals.csv")
+    page = DiagnosisPage(
+        source=f"campaign {data}" if data.isdigit() else data,
+        virtual=virtual,
+        created=f"{datetime.now():%Y-%m-%d %H:%M}",
+        diagnosis=plain,
+        residuals=residuals,
+    )
+    write_diagnosis_page(out_dir / "diagnosis.html", page)
     if campaign_id is not None:
         with Store(database_url(db)) as store:
             store.add_diagnosis(plain, campaign_id=campaign_id)
     tell(plain)
-    out.print(escape(f"written to {out_dir}: diagnosis.json, model.toml, residuals.csv"))
+    out.print(escape(f"written to {out_dir}: diagnosis.html, diagnosis.json, model.toml, residuals.csv"))
 
 
 def measured(data: str, db: str | None) -> Any:
@@ -102,4 +113,7 @@ def tell(plain: dict[str, Any]) -> None:
             f"held-out power bands: {100 * gain['before']:.3f} points before, {100 * gain['after']:.3f} after"
         )
     if plain["rejected_rows"]:
-        out.print(f"{len(plain['rejected_rows'])} rows left out; the reasons are in diagnosis.json")
+        rows = counted(len({row["row"] for row in plain["rejected_rows"]}), "row")
+        out.print(f"all or some readings of {rows} left out; the reasons are in diagnosis.json")
+    for column in plain["rejected_columns"]:
+        out.print(escape(f"column {column['column']} left out: {column['reason']}"))

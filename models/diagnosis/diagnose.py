@@ -1,5 +1,6 @@
 """``diagnose(measurements)``: what the simulation gets wrong, why, how sure, and what it is worth to know."""
 
+from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,7 @@ from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
 from models.diagnosis.setting import Setting, set_up
+from models.diagnosis.sight import Sight, sight
 from models.diagnosis.signatures import power_to_spare, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.verdict import Cause, Verdict, judge
@@ -49,13 +51,14 @@ class Diagnosis:
     gain: Gain | None
     next: list[NextMeasurement]
     unexplained: Unexplained | None
+    sight: list[Sight]
     extended: Model
     calibrated: CalibratedPhysics
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
 
     def residual_table(self) -> pd.DataFrame:
-        """Measured less simulated by row: the rows' set points and one column a channel."""
+        """Measured less simulated by row: the rows' set points, one column a channel, and what is left over."""
         columns = [c for c in ("point", "kind", "time_s", "D1", "D2", "P2_W") if c in self.observations.frame]
         table = self.observations.frame[columns].copy()
         for k, channel in enumerate(self.observations.channels):
@@ -63,6 +66,9 @@ class Diagnosis:
             table[f"residual_{channel.column}"] = np.nan
             rows = self.observations.row[mask]
             table.iloc[rows, table.columns.get_loc(f"residual_{channel.column}")] = self.residual[mask]  # type: ignore[index]
+        if self.unexplained is not None:
+            table["leftover_W"] = np.nan
+            table.iloc[self.unexplained.rows, table.columns.get_loc("leftover_W")] = self.unexplained.watts  # type: ignore[index]
         return table
 
     def as_plain(self, model_file: str | None = None) -> dict[str, Any]:
@@ -81,6 +87,7 @@ class Diagnosis:
             "next": [n.as_plain() for n in self.next],
             "gain": None if self.gain is None else self.gain.as_plain(),
             "model": model_file,
+            "sight": [s.as_plain() for s in self.sight],
             "noise": {n.channel: n.as_plain() for n in self.noise},
             "rejected_rows": self.rejected,
             "rejected_columns": [c.as_plain() for c in self.rejected_columns],
@@ -197,6 +204,14 @@ def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
     ]
 
 
+def _left_out_before(measurements: Measurements) -> str:
+    """What the table lost before, and why most of it."""
+    if not measurements.rejected:
+        return ""
+    reason, count = Counter(row.reason for row in measurements.rejected).most_common(1)[0]
+    return f". {len(measurements.rejected)} rows were left out, {count} of them because: {reason}"
+
+
 def _outliers(setting: Setting) -> list[dict[str, Any]]:
     """Single readings that nothing smooth explains, and that therefore count for next to nothing."""
     o = setting.refinery.observations
@@ -245,16 +260,18 @@ def diagnose(
     if int(observations.loaded.sum()) < LEAST_ROWS:
         raise TooFewPoints(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
+            + _left_out_before(measurements)
         )
     check_inputs(observations, baseline.converter)
-    check_set_points(observations, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
     whole, spare = observations, power_to_spare(observations, baseline)
+    if np.mean(spare) < 0.5:
+        check_set_points(observations, baseline)
     observations = observations.take(spare)
     known = signatures(observations, baseline, left_out)
     wrong, rejected_columns = implausible(observations, known.baseline)
     kept = known.finite() & ~wrong
-    observations, known = observations.take(kept), known.take(kept)
+    observations, known = observations.take(kept).in_use(), known.take(kept)
     rejected = _edge_rows(whole, observations)
     usable = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
     if usable < LEAST_ROWS:
@@ -288,6 +305,7 @@ def diagnose(
         gain=_gain(setting, hypotheses, verdict, seed),
         next=next_measurements(observations, rivals_of(hypotheses, refinery)),
         unexplained=nameless,
+        sight=sight(refinery),
         extended=_extended(baseline, verdict, chosen),
         calibrated=calibrate(refinery, chosen, setting.sigma),
         rejected=[*map(_plain_row, measurements.rejected), *rejected, *_outliers(setting)],
