@@ -24,7 +24,7 @@ from experiments.blind.scoring import Scored, share
 from experiments.blind.trial import BlindTrial, ask
 from experiments.harness.journal import Journal, code_hash
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Result, Table
+from experiments.harness.result import Cell, Result, Table
 from experiments.harness.settings import Settings
 from experiments.harness.trials import perform
 from sim.effects.catalogue import CATALOGUE
@@ -89,7 +89,7 @@ def scored_result(scored: Sequence[Scored]) -> Result:
 
 
 def _by_effect(hiding: Sequence[Scored]) -> Table:
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for name in dict.fromkeys(s.trial.names[0] for s in hiding):
         own = [s for s in hiding if s.trial.names[0] == name]
         sizes = [share([s for s in own if s.trial.row == size], lambda s: s.stated) for size in SIZES]
