@@ -151,6 +151,12 @@ def build_circuit(converter: Converter, t: Temperatures, V1_V: Array, V2_V: Arra
         swing_charge(secondary, secondary.first, V2_V), swing_charge(secondary, secondary.second, V2_V),
     )  # fmt: skip
     curves, curve = _curves(converter, V1_V.size)
+    bends_A, relative = np.zeros(0), np.ones((1, *size))
+    if converter.inductor.saturates:
+        bends_A, relative = converter.inductor.bands()
+        relative = np.broadcast_to(
+            relative if relative.ndim == 2 else relative[:, None], (relative.shape[0], *size)
+        )
     return Circuit(
         V1_V=V1_V,
         nV2_V=n * V2_V,
@@ -164,6 +170,8 @@ def build_circuit(converter: Converter, t: Temperatures, V1_V: Array, V2_V: Arra
         zero=drops[2],
         secondary=beyond,
         eddy_s=wide(eddy_time_s(converter, t)),
+        bends_A=bends_A,
+        relative_L=relative,
         charge_C=np.stack([wide(Q) for Q in charges]),
         curves=curves,
         curve=curve,

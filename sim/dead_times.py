@@ -27,14 +27,14 @@ def wrapped(x: Array) -> Array:
 class EdgeView:
     """What the edges of N orbits see, edges along the last axis but one.
 
-    ``stretch`` (4, N) is the one of the half period's five in which an edge lies, ``crossed`` (4, N) whether the
-    current has crossed zero in it before; ``link_slope_A`` (4, N) is the link current's slope at the edge per Th,
+    ``stretch`` (4, N) is the one of the half period's five in which an edge lies, ``piece`` (4, N) the piece of all;
+    ``link_slope_A`` (4, N) is the link current's slope at the edge per Th,
     ``turns`` (4, N) the driving current per link current.
     ``delay_per_flip`` (4, 4, N) is how a delay moves with a flip that falls into its dead time.
     """
 
     stretch: NDArray[np.intp]
-    crossed: NDArray[np.bool_]
+    piece: NDArray[np.intp]
     link_slope_A: Array
     turns: Array
     delay_per_flip: Array
@@ -57,7 +57,7 @@ def commutations(
     place, parity = half_wave(edges)
     stretch = np.sum(steps.place[:, None] < place[None], axis=0)
     n = circuit.turns_ratio
-    link, crossed = _current_at(pieces, stretch, place * circuit.half_period_s)
+    link, piece = _current_at(pieces, stretch, place * circuit.half_period_s)
     link = parity * link
     of_secondary = n * (link[2:] - magnetizing_current(circuit, edges, edges[2:]))
     current = np.concatenate([-link[:2], of_secondary])
@@ -67,29 +67,32 @@ def commutations(
     curves = Curves(values=circuit.curves.ravel(), first=first)
     commutation = commutate(current, drive, circuit.dead_time_s, circuit.charge_C, curves)
     across_V = np.take_along_axis(steps.vp_V - steps.nvs_V, stretch, axis=0)
+    local_H = circuit.inductance_H * np.take_along_axis(pieces.relative_L, piece, axis=0)
     view = EdgeView(
         stretch=stretch,
-        crossed=crossed,
-        link_slope_A=across_V * (circuit.half_period_s / circuit.inductance_H),
+        piece=piece,
+        link_slope_A=across_V * (circuit.half_period_s / local_H),
         turns=np.concatenate([-parity[:2], n * parity[2:]]),
         delay_per_flip=meeting.per_flip_A * commutation.delay_per_A,
     )
     return commutation, view
 
 
-def _current_at(pieces: Pieces, stretch: NDArray[np.intp], time_s: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Link current (4, N) at times in known stretches, and whether it has crossed zero there before."""
-    later = 2 * stretch + 1
-    starts, lengths = (np.take_along_axis(x, later, axis=0) for x in (pieces.start_s, pieces.duration_s))
-    crossed = (lengths > 0) & (starts <= time_s)
-    piece = later - 1 + crossed
+def _current_at(pieces: Pieces, stretch: NDArray[np.intp], time_s: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Link current (4, N) at times in known stretches, and the pieces in which they lie."""
+    each = pieces.start_s.shape[0] // 5
+    piece = each * stretch
+    for m in range(1, each):
+        row = each * stretch + m
+        starts, lengths = (np.take_along_axis(x, row, axis=0) for x in (pieces.start_s, pieces.duration_s))
+        piece = np.where((lengths > 0) & (starts <= time_s), row, piece)
     begin, i, w, a = (
         np.take_along_axis(x, piece, axis=0)
         for x in (pieces.start_s, pieces.current_A, pieces.drive_A_per_s, pieces.decay_per_s)
     )
     t = time_s - begin
     x = np.maximum(a * t, 1e-300)
-    return np.asarray(i + (w - a * i) * t * (-np.expm1(-x) / x)), crossed
+    return np.asarray(i + (w - a * i) * t * (-np.expm1(-x) / x)), piece
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +140,8 @@ def _drive(circuit: Circuit, ahead: Array, delay: Array) -> tuple[Drive, _Meetin
     # the nearest flip of each leg: its rise, or its fall half a period from there
     falls = np.abs(ahead) > 0.5
     middle = ahead - np.where(falls, np.sign(ahead), 0.0)
-    chosen = np.nonzero((middle < dead + width[:, None]) & (middle > -width[:, None]) & _OTHERS)
+    meets = (middle < dead + width[:, None]) & (middle > -width[:, None]) & (dead > 0)
+    chosen = np.nonzero(meets & _OTHERS)
     drive = Drive(outside_A_per_s=base, own_A_per_s=own)
     meeting = _Meeting(current_A=np.zeros_like(base), per_flip_A=np.zeros_like(ahead))
     if not chosen[0].size:

@@ -70,7 +70,10 @@ def copper_loss_W(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkCurrent:
-    """Measures of the link current, each (N,): mean square, mean squared slope over omega^2, peak to peak."""
+    """Measures of the link current, each (N,): mean square, mean squared slope over omega^2, peak to peak.
+
+    Where the inductance drops, the slope counts by the voltage across it: eddy currents follow the flux.
+    """
 
     square_A2: Array
     slope_share_A2: Array
@@ -82,7 +85,9 @@ def link_current(pieces: Pieces, frequency_Hz: float) -> LinkCurrent:
     half_period = np.sum(pieces.duration_s, axis=0)
     return LinkCurrent(
         square_A2=np.sum(pieces.square(), axis=0) / half_period,
-        slope_share_A2=np.sum(pieces.squared_slope(), axis=0) / half_period / (2 * np.pi * frequency_Hz) ** 2,
+        slope_share_A2=np.sum(pieces.squared_induced(), axis=0)
+        / half_period
+        / (2 * np.pi * frequency_Hz) ** 2,
         peak_to_peak_A=2 * np.maximum(np.max(np.abs(pieces.current_A), axis=0), np.abs(pieces.end_A[-1])),
     )
 
@@ -96,7 +101,7 @@ def magnetic_losses(
     rise_A = np.abs(pieces.end_A - pieces.current_A)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.where(pieces.duration_s > 0, rise_A / pieces.duration_s, 0.0)
-    induced_V = inductor.inductance_H * slope
+    induced_V = inductor.inductance_H * pieces.relative_L * slope
     inductor_rate = np.sum(pieces.duration_s * induced_V**inductor.core.alpha, axis=0) / half_period
     secondary_V = np.abs(pieces.nvs_V)
     transformer_rate = np.sum(pieces.duration_s * secondary_V**transformer.core.alpha, axis=0) / half_period
@@ -108,7 +113,7 @@ def magnetic_losses(
             transformer.winding, t.transformer_C, current.square_A2, current.slope_share_A2
         ),
         "inductor_core": core_loss_W(
-            inductor.core, inductor.inductance_H * current.peak_to_peak_A, inductor_rate
+            inductor.core, 2.0 * inductor.flux_Vs(0.5 * current.peak_to_peak_A), inductor_rate
         ),
         "transformer_core": core_loss_W(
             transformer.core, np.sum(pieces.duration_s * secondary_V, axis=0), transformer_rate

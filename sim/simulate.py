@@ -23,6 +23,7 @@ from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick, stack
+from sim.thermal import HOTTEST_C
 
 __all__ = ["PARTS", "Points", "Result", "can_run", "grid", "grid_of", "simulate", "simulate_many"]
 
@@ -80,12 +81,9 @@ def simulate_many(models: Sequence[Model], points: Points, near: Result | None =
         whole = _solve(first.altered_converter(), first.set_points(points), None)
         results, seed = [_result(first, points, whole)], whole.seed
     if variants:
-        size = len(points)
         distinct, slots = _circuits(variants, points)
-        converter = stack([altered for altered, _ in distinct], size)
-        solved = _solve(converter, Points.join([moved for _, moved in distinct]), seed)
-        for model, k in zip(variants, slots, strict=True):
-            results.append(_result(model, points, solved.rows(slice(k * size, (k + 1) * size))))
+        solved = _all_solved(distinct, seed)
+        results += [_result(m, points, solved[k]) for m, k in zip(variants, slots, strict=True)]
     return results
 
 
@@ -103,6 +101,20 @@ def _circuits(models: Sequence[Model], points: Points) -> tuple[list[tuple[Conve
         if slots[-1] == len(distinct):
             distinct.append((altered, moved))
     return distinct, slots
+
+
+def _all_solved(circuits: "list[tuple[Converter, Points]]", seed: "_Seed | None") -> "list[_Solution]":
+    """Converters at their points, all in one call but for those that saturate: they take longer."""
+    found: dict[int, _Solution] = {}
+    for saturates in (False, True):
+        chosen = [k for k, (c, _) in enumerate(circuits) if c.inductor.saturates == saturates]
+        if not chosen:
+            continue
+        size = len(circuits[chosen[0]][1])
+        converter = stack([circuits[k][0] for k in chosen], size)
+        solved = _solve(converter, Points.join([circuits[k][1] for k in chosen]), seed)
+        found |= {k: solved.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
+    return [found[k] for k in range(len(circuits))]
 
 
 def can_run(model: Model, points: Points) -> NDArray[np.bool_]:
@@ -174,7 +186,7 @@ def _ceiling_W(points: Points, converter: Converter) -> Array:
     """More than a point can carry: the lossless peak with both pulses widened by two dead times."""
     scale_W = (
         points.V1_V * points.V2_V * converter.transformer.turns_ratio
-        * converter.half_period_s / converter.inductor.inductance_H
+        * converter.half_period_s / (converter.inductor.inductance_H * converter.inductor.bands()[1][-1])
     )  # fmt: skip
     wider = 2 * converter.dead_time_s / converter.half_period_s
     D1, D2 = np.minimum(points.D1 + wider, 1.0), np.maximum(points.D2 - wider, 0.0)
@@ -200,8 +212,10 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solutio
         for k in np.flatnonzero(~outcome.reached).tolist():
             reason[rows[k]] = _why_not(float(outcome.most_W[k]))
         there = np.flatnonzero(outcome.reached)
-        for name, value in _columns(outcome.state, at.take(there)).items():
+        columns = _columns(outcome.state, at.take(there))
+        for name, value in columns.items():
             values[name][rows[there]] = value
+        _refuse(rows[there], _impossible(outcome.state, columns), reason, values)
         if seed is None:
             spare = np.flatnonzero(outcome.state.comfortable(_SPARE))
             left = _Seed(size=size, rows=rows[there[spare]], start=outcome.state.start().take(spare))
@@ -222,6 +236,27 @@ def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
         reason[k] = f"D1 and D2 carry less than {most[k]:.0f} W"
     reason[~np.asarray(points.pwm, dtype=bool)] = ""
     return reason
+
+
+def _impossible(state: OperatingState, columns: dict[str, Array]) -> NDArray[np.str_]:
+    """Why a solution cannot be, "" where it can: parts hotter than any stands, numbers that are none."""
+    hottest_C = np.max(list(state.temperatures.by_place().values()), axis=0)
+    finite = np.all([np.isfinite(value) for value in columns.values()], axis=0)
+    return np.select(
+        [~finite, hottest_C >= HOTTEST_C],
+        ["no finite solution", f"a part would be hotter than {HOTTEST_C:.0f} degC"],
+        default="",
+    )
+
+
+def _refuse(
+    rows: NDArray[np.intp], why: NDArray[np.str_], reason: NDArray[np.str_], values: dict[str, Array]
+) -> None:
+    """Take solutions back that cannot be."""
+    for k in np.flatnonzero(why != "").tolist():
+        reason[rows[k]] = why[k]
+        for value in values.values():
+            value[rows[k]] = np.nan
 
 
 def _why_not(most_W: float) -> str:

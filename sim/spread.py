@@ -4,7 +4,7 @@ Devices bring theirs from their data files; the rest is listed here. A diagnosis
 of these spreads calls every one of them a fault.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -25,16 +25,32 @@ class Spread:
 
     def shifted(self, converter: Converter, sigmas: float) -> Converter:
         """The converter with this parameter off by so many sigmas."""
-        return _shift(converter, self.path.split("."), self, sigmas)  # type: ignore[no-any-return]
+        return shifted_together(converter, [(self, sigmas)])
+
+    def moved(self, old: float, sigmas: float) -> float:
+        """The parameter's value off by so many sigmas."""
+        step = sigmas * self.sigma
+        return max(old * (1 + step) if self.relative else old + step, self.lower)
 
 
-def _shift(owner: Any, path: list[str], spread: Spread, sigmas: float) -> Any:
-    name, *rest = path
-    old = getattr(owner, name)
-    if rest:
-        return replace(owner, **{name: _shift(old, rest, spread, sigmas)})
-    step = sigmas * spread.sigma
-    return replace(owner, **{name: max(old * (1 + step) if spread.relative else old + step, spread.lower)})
+def shifted_together(converter: Converter, state: Iterable[tuple[Spread, float]]) -> Converter:
+    """The converter with many parameters off, each by its own number of sigmas."""
+    tree: dict[str, Any] = {}
+    for spread, sigmas in state:
+        *owners, name = spread.path.split(".")
+        branch = tree
+        for owner in owners:
+            branch = branch.setdefault(owner, {})
+        branch[name] = (spread, sigmas)
+    return _changed(converter, tree)  # type: ignore[no-any-return]
+
+
+def _changed(owner: Any, tree: dict[str, Any]) -> Any:
+    def new(name: str, change: Any) -> Any:
+        old = getattr(owner, name)
+        return _changed(old, change) if isinstance(change, dict) else change[0].moved(old, change[1])
+
+    return replace(owner, **{name: new(name, change) for name, change in tree.items()}) if tree else owner
 
 
 # Assumption: everyday spreads of wound parts, wiring, timing and cooling.

@@ -9,7 +9,7 @@ import numpy as np
 from sim.parameters import Converter, ParameterError
 
 FIXED = {"frequency_Hz", "junction_V", "grading", "alpha", "beta", "area_m2", "volume_m3", "turns",
-          "turns_ratio", "V1_V", "V2_V", "rated_power_W", "part", "name", "synchronous", "modulation",
+          "turns_ratio", "V1_V", "V2_V", "rated_power_W", "part", "name", "saturation_A", "synchronous", "modulation",
           "tolerances"}  # fmt: skip
 
 

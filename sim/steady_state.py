@@ -175,13 +175,17 @@ class _Response:
     def of(cls, circuit: Circuit, sweep: _Sweep) -> "_Response":
         pieces, steps, Th = sweep.pieces, sweep.steps, circuit.half_period_s
         drive, decay, length = pieces.drive_A_per_s, pieces.decay_per_s, pieces.duration_s
-        x = decay * length
-        # what passes a stretch decays, and is scaled where the current's zero crossing moves
-        crossing = length[1::2] > 0
-        scaled = np.where(crossing, drive[1::2] / np.where(crossing, drive[::2], 1.0), 1.0)
-        kept = np.exp(-(x[::2] + x[1::2])) * scaled
+        each, start = drive.shape[0] // 5, pieces.current_A
+        # what passes a stretch decays, and is scaled by the slopes' ratio where a zero crossing or a bend moves
+        slope = drive - decay * start
+        ends = drive[:-1] - decay[:-1] * start[1:]
+        scaled = np.ones_like(slope)
+        used = (length[1:] > 0) & (np.arange(1, 5 * each) % each != 0)[:, None]
+        scaled[1:] = np.where(used, slope[1:] / np.where(used & (ends != 0), ends, 1.0), 1.0)
+        passed = np.cumprod(scaled.reshape(5, each, -1), axis=1)
+        kept = np.exp(-np.sum((decay * length).reshape(5, each, -1), axis=1)) * passed[:, -1]
         share = steps.nvs_V * (steps.duration_s / Th) * np.sqrt(np.abs(kept))
-        after = (drive[1:9:2] - drive[2::2] - (decay[1:9:2] - decay[2::2]) * pieces.current_A[2::2]) * Th
+        after = (ends[each - 1 :: each] - slope[each::each]) * Th
         # changes (second axis) by flips in order, as they are when a stretch (first axis) begins
         there = np.zeros((5, 5, Th.size))
         there[0, 0], power = 1.0, np.zeros((5, Th.size))
@@ -191,7 +195,7 @@ class _Response:
                 there[k, k] = after[k - 1]
             power[: k + 1] += there[k, : k + 1] * share[k]
         view = sweep.view
-        within = np.where(view.crossed, np.take_along_axis(scaled, view.stretch, axis=0), 1.0)
+        within = np.take_along_axis(passed.reshape(5 * each, -1), view.piece, axis=0)
         at_edges = np.take_along_axis(there, view.stretch[:, None], axis=0) * within[:, None]
         order = np.concatenate([np.zeros_like(steps.rank[:1]), steps.rank + 1])
         return cls(
@@ -219,7 +223,8 @@ def _jacobian(circuit: Circuit, sweep: _Sweep, *, regulated: bool) -> Array:
     if not regulated:
         matrix[5, 5] = 1.0
         return matrix
-    current = np.take_along_axis(sweep.pieces.current_A[2::2], steps.rank, axis=0)
+    each = sweep.pieces.current_A.shape[0] // 5
+    current = np.take_along_axis(sweep.pieces.current_A[each::each], steps.rank, axis=0)
     matrix[0, 5] = response.at_end[3] + response.at_end[4]
     matrix[5, :5] = response.power_W
     matrix[5, 1:5] -= SHIFT * steps.jump_V * current

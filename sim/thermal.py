@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 _PIECES_OF_EACH = (
     4  # a bridge has four of each kind: outer and inner switches, clamp diodes, two-level switches
 )
-_HOTTEST_C = 250.0  # beyond any part's rating; keeps an overloaded point's iteration finite
+HOTTEST_C = 250.0  # beyond any part's rating; keeps an overloaded point's iteration finite
 
 
 def temperatures(converter: Converter, losses: dict[str, Array], ambient_C: Quantity) -> Temperatures:
@@ -22,7 +22,7 @@ def temperatures(converter: Converter, losses: dict[str, Array], ambient_C: Quan
     heatsink = ambient_C + converter.heatsink_K_per_W * sum(per_kind.values())
 
     def limited(value: Quantity) -> Array:
-        return np.asarray(np.minimum(value, _HOTTEST_C))
+        return np.asarray(np.minimum(value, HOTTEST_C))
 
     def winding(name: str, thermal_K_per_W: Quantity) -> Array:
         return limited(ambient_C + thermal_K_per_W * (losses[f"{name}_copper"] + losses[f"{name}_core"]))

@@ -14,7 +14,7 @@ Assumption: the secondary's resistances are referred to the primary and carry th
 magnetizing inductance lies across the ideal secondary bridge, so its current is a triangle of its own.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
@@ -33,7 +33,8 @@ class Circuit:
     in the active state with the current along vp, against it, and in the zero state; ``secondary`` (3, 2, N) are those
     that depend on the secondary's state instead (current out of it along its voltage, against it, zero state), and
     ``eddy_s`` is tau. ``charge_C`` (4, N) moves each leg through its swing along the ``curve``-th of its ``curves``
-    (4, G, 65), shared by all points.
+    (4, G, 65), shared by all points. The inductance is ``relative_L`` (B, N) of that of a small current between the
+    bends (B - 1,) of the flux, shared by all points; without bends it is that of a small current.
     """
 
     V1_V: Array
@@ -51,10 +52,13 @@ class Circuit:
     curve: NDArray[np.intp]
     secondary: Array | None = None
     eddy_s: Array | float = 0.0
+    bends_A: Array = field(default_factory=lambda: np.zeros(0))
+    relative_L: Array = field(default_factory=lambda: np.ones((1, 1)))
 
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """The circuit at some of its points."""
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "curves"}
+        shared = {"curves", "bends_A"} | ({"relative_L"} if self.bends_A.size == 0 else set())
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in shared}
         of_points = {
             name: value[..., chosen] for name, value in values.items() if isinstance(value, np.ndarray)
         }
@@ -63,11 +67,12 @@ class Circuit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pieces:
-    """The half period in ten exponential pieces (some empty), arrays of shape (10, N).
+    """The half period in exponential pieces (some empty), arrays (K, N), as many in each of five stretches.
 
     In a piece that starts at ``start_s`` the current is ``i e^(-a t) + w (1 - e^(-a t)) / a`` with
     i = ``current_A``, w = ``drive_A_per_s``, a = ``decay_per_s``; ``sign`` is that of the current. Integrals are of
-    what leaves the terminals, the current and ``eddy_s`` times its slope.
+    what leaves the terminals, the current and ``eddy_s`` times its slope; ``relative_L`` scales both inductance and
+    ``eddy_s``.
     """
 
     start_s: Array
@@ -78,12 +83,14 @@ class Pieces:
     sign: Array
     vp_V: Array
     nvs_V: Array
-    eddy_s: Array | float = 0.0
+    eddy_s: Array | float
+    relative_L: Array
 
     def current_at(self, time_s: Array) -> Array:
         """Link current in A at times of the half period [0, Th], shape (..., N)."""
-        index = np.sum(time_s[None] >= self.start_s.reshape(10, *(1,) * (time_s.ndim - 1), -1), axis=0) - 1
-        index = np.clip(index, 0, 9).reshape(-1, time_s.shape[-1])
+        count = self.start_s.shape[0]
+        index = np.sum(time_s[None] >= self.start_s.reshape(count, *(1,) * (time_s.ndim - 1), -1), axis=0) - 1
+        index = np.clip(index, 0, count - 1).reshape(-1, time_s.shape[-1])
 
         def pick(values: Array) -> Array:
             return np.take_along_axis(values, index, axis=0).reshape(time_s.shape)
@@ -98,7 +105,7 @@ class Pieces:
         """Integral of the terminal current over each piece, in A s."""
         x, T = self.decay_per_s * self.duration_s, self.duration_s
         passed = T * (self.current_A * decay_integral(x) + self.drive_A_per_s * T * decay_moment(x))
-        return np.asarray(passed + self.eddy_s * (self.end_A - self.current_A))
+        return np.asarray(passed + self.eddy_s * self.relative_L * (self.end_A - self.current_A))
 
     def square(self) -> Array:
         """Integral of the squared terminal current over each piece, in A^2 s."""
@@ -107,13 +114,18 @@ class Pieces:
         plain = T * (
             i**2 * decay_integral(2 * x) + w * T * (i * decay_integral(x) ** 2 + w * T * decay_square(x))
         )
-        eddy = self.eddy_s * (self.end_A**2 - i**2 + self.eddy_s * self.squared_slope())
+        eddy_s = self.eddy_s * self.relative_L
+        eddy = eddy_s * (self.end_A**2 - i**2 + eddy_s * self.squared_slope())
         return np.asarray(plain + eddy)
 
     def squared_slope(self) -> Array:
         """Integral of (di/dt)^2 over each piece, in A^2/s."""
         first = self.drive_A_per_s - self.decay_per_s * self.current_A
         return np.asarray(first**2 * self.duration_s * decay_integral(2 * self.decay_per_s * self.duration_s))
+
+    def squared_induced(self) -> Array:
+        """The same of the voltage across the inductance, over that of a small current squared."""
+        return np.asarray(self.relative_L**2 * self.squared_slope())
 
     @property
     def end_A(self) -> Array:
@@ -209,12 +221,17 @@ def _drops(circuit: Circuit, vp_V: Array, nvs_V: Array, sign: Array) -> tuple[Ar
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Start:
-    """Pieces from a current at known voltages: what drives it, how it decays, the sign that it has or takes."""
+    """Pieces from a current at known voltages: what drives it, how it decays, the sign that it has or takes.
+
+    A piece ends at the latest when the current reaches ``until_A``: zero, or the next bend of the flux.
+    """
 
     current_A: Array
     drive_A_per_s: Array
     decay_per_s: Array
     sign: Array
+    relative_L: Array
+    until_A: Array
 
     @classmethod
     def of(cls, circuit: Circuit, vp_V: Array, nvs_V: Array, current_A: Array) -> "_Start":
@@ -222,10 +239,16 @@ class _Start:
         resting = current_A == 0
         sign = np.where(resting, np.sign(v), np.sign(current_A))
         V0, R = _drops(circuit, vp_V, nvs_V, sign)
-        inertia_H = circuit.inductance_H + R * circuit.eddy_s
         held = resting & (np.abs(v) <= V0)
-        drive = np.where(held, 0.0, v - sign * V0) / inertia_H
-        return cls(current_A=current_A, drive_A_per_s=drive, decay_per_s=R / inertia_H, sign=sign)
+        push_V = np.where(held, 0.0, v - sign * V0)
+        relative, until = np.ones_like(v), np.where(resting, np.nan, 0.0)
+        if circuit.bends_A.size:
+            relative, until = _band(circuit, current_A, sign, push_V - R * current_A)
+        inertia_H = relative * (circuit.inductance_H + R * circuit.eddy_s)
+        return cls(
+            current_A=current_A, drive_A_per_s=push_V / inertia_H, decay_per_s=R / inertia_H, sign=sign,
+            relative_L=relative, until_A=until,
+        )  # fmt: skip
 
     @property
     def slope(self) -> Array:
@@ -236,45 +259,62 @@ class _Start:
         """The current after a time."""
         return self.current_A + self.slope * time_s * decay_integral(self.decay_per_s * time_s)
 
-    def until_zero_s(self) -> Array:
-        """When a falling current reaches zero: i + slope (1 - e^(-a t)) / a = 0."""
-        straight, x = -self.current_A / self.slope, self.decay_per_s * self.current_A / self.slope
+    def reaches(self, end_A: Array) -> NDArray[np.intp]:
+        """Points at which the current gets beyond its limit on the way to ``end_A``."""
+        return np.flatnonzero((self.until_A - self.current_A) * (self.until_A - end_A) < 0)
+
+    def time_s(self, chosen: NDArray[np.intp]) -> Array:
+        """When it gets there: i + slope (1 - e^(-a t)) / a = limit."""
+        slope, to_go = self.slope[chosen], (self.until_A - self.current_A)[chosen]
+        straight, x = to_go / slope, -self.decay_per_s[chosen] * to_go / slope
         return np.asarray(straight * np.where(x == 0, 1.0, np.log1p(x) / np.where(x == 0, 1.0, x)))
 
 
+def _band(circuit: Circuit, current_A: Array, sign: Array, push_V: Array) -> tuple[Array, Array]:
+    """Relative inductance where a current goes, and the next bend (or zero) on its way."""
+    size, outward = np.abs(current_A), push_V * sign >= 0
+    below = np.sum(circuit.bends_A[:, None] < size, axis=0)
+    band = np.where(outward, np.sum(circuit.bends_A[:, None] <= size, axis=0), below)
+    bends = np.concatenate([[0.0], circuit.bends_A, [np.inf]])
+    relative = np.take_along_axis(circuit.relative_L, band[None], axis=0)[0]
+    return relative, sign * bends[band + outward]
+
+
 def march(circuit: Circuit, steps: Steps, start_A: Array) -> Pieces:
-    """Follow the current through a half period: two pieces a stretch, the second after a zero crossing."""
-    shape = (10, *start_A.shape)
+    """Follow the current through a half period; within a stretch a piece ends where the current bends or is zero."""
+    each = 2 * (circuit.bends_A.size + 1)
+    shape = (5 * each, *start_A.shape)
     length = np.zeros(shape)
-    current, drive, decay, sign = (np.empty(shape) for _ in range(4))
+    current, drive, decay, sign, relative = (np.empty(shape) for _ in range(5))
     i = start_A
     for k in range(5):
-        vp, nvs, left = steps.vp_V[k], steps.nvs_V[k], steps.duration_s[k]
-        piece = _Start.of(circuit, vp, nvs, i)
-        end = piece.after(left)
-        length[2 * k] = left
-        current[2 * k], drive[2 * k], decay[2 * k], sign[2 * k] = (
-            i,
-            piece.drive_A_per_s,
-            piece.decay_per_s,
-            piece.sign,
-        )
-        current[2 * k + 1], drive[2 * k + 1], decay[2 * k + 1], sign[2 * k + 1] = (
-            end, piece.drive_A_per_s, piece.decay_per_s, piece.sign
-        )  # fmt: skip
-        crosses = np.flatnonzero((end * piece.sign < 0) & (i != 0))
-        if crosses.size:
-            own = _Start(**{f.name: getattr(piece, f.name)[crosses] for f in fields(_Start)})
-            until = own.until_zero_s()
-            length[2 * k, crosses], length[2 * k + 1, crosses] = until, left[crosses] - until
-            other = _Start.of(circuit.take(crosses), vp[crosses], nvs[crosses], np.zeros(crosses.size))
-            current[2 * k + 1, crosses], drive[2 * k + 1, crosses] = 0.0, other.drive_A_per_s
-            decay[2 * k + 1, crosses], sign[2 * k + 1, crosses] = other.decay_per_s, other.sign
-            end[crosses] = other.after(left[crosses] - until)
-        i = end
+        left, part = steps.duration_s[k], circuit
+        vp, nvs, now = steps.vp_V[k], steps.nvs_V[k], i
+        moving = np.arange(i.size)
+        rows: slice | NDArray[np.intp] = slice(None)  # all of them, without the cost of picking
+        for m in range(each):
+            piece = _Start.of(part, vp, nvs, now)
+            end = piece.after(left)
+            beyond = slice(each * k + m, each * (k + 1))
+            length[each * k + m, rows] = left
+            current[each * k + m, rows] = now
+            drive[beyond, rows], decay[beyond, rows] = piece.drive_A_per_s, piece.decay_per_s
+            sign[beyond, rows], relative[beyond, rows] = piece.sign, piece.relative_L
+            reached = piece.reaches(end)
+            if m == 0:
+                i = end
+            else:
+                i[rows] = end
+            current[each * k + m + 1 : each * (k + 1), rows] = end
+            if not reached.size or m == each - 1:
+                break
+            passed, moving = piece.time_s(reached), moving[reached]
+            length[each * k + m, moving] = passed
+            left, rows, part = left[reached] - passed, moving, circuit.take(moving)
+            vp, nvs, now = vp[reached], nvs[reached], piece.until_A[reached]
     begin = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)[:-1]])
     return Pieces(
         start_s=begin, duration_s=length, current_A=current, drive_A_per_s=drive, decay_per_s=decay,
-        sign=sign, vp_V=np.repeat(steps.vp_V, 2, axis=0), nvs_V=np.repeat(steps.nvs_V, 2, axis=0),
-        eddy_s=circuit.eddy_s,
+        sign=sign, vp_V=np.repeat(steps.vp_V, each, axis=0), nvs_V=np.repeat(steps.nvs_V, each, axis=0),
+        eddy_s=circuit.eddy_s, relative_L=relative,
     )  # fmt: skip

@@ -25,8 +25,7 @@ _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are follow
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
-_BENT = 4.0  # squared sigmas between a line and the simulation from which more starts are tried
-_FAR = (-1.0, -0.4, 0.4, 1.0)  # of the prior scale: where they are
+_FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a worse place than off
 _REACH = 3.0  # prior scales that a line is trusted over
 
 
@@ -102,7 +101,7 @@ def search(refinery: Refinery) -> list[Fit]:
 
 
 def _alone(refinery: Refinery) -> list[Fit]:
-    """Nothing, and every effect alone: all simulated once, those that lead or are not on a line to the end."""
+    """Nothing, and every effect alone: all simulated once, those that lead to the end."""
     nothing = Fit.nothing(refinery.residual.size)
     lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
@@ -111,18 +110,16 @@ def _alone(refinery: Refinery) -> list[Fit]:
     starts = [
         start
         for line, curve in zip(lines, curves, strict=True)
-        if not line.terms[0].head.starts and _bent(refinery, line, curve)
+        if not line.terms[0].head.starts and curve.log_evidence < nothing.log_evidence
         for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
     ]
     tried = [*map(_tangent, lines, curves), *scans, *(refinery.simulated(starts) if starts else [])]
-    bent = {fit.effects for fit in [*starts, *scans]}
     once = _best(tried)
     leader = max(nothing.log_evidence, once[0].log_evidence)
     chosen = [
         fit
         for k, fit in enumerate(once)
-        if fit.effects in bent
-        or (fit.log_evidence > hopeless(leader) and (k < _FOLLOWED or _significant(refinery, fit)))
+        if fit.log_evidence > hopeless(leader) and (k < _FOLLOWED or _significant(refinery, fit))
     ]
     names = {fit.effects for fit in chosen}
     nothing, *followed = refinery.followed([nothing, *chosen], leader)
@@ -149,12 +146,6 @@ def _best_variants(fits: list[Fit]) -> list[Fit]:
     for fit in fits:
         found.setdefault(fit.effects, []).append(fit)
     return [max(variants, key=lambda f: f.log_evidence) for variants in found.values()]
-
-
-def _bent(refinery: Refinery, line: Fit, curve: Fit) -> bool:
-    """Whether the simulated shift is not the line: Newton's steps from there may go astray."""
-    bend = (curve.shift - line.shift)[None]
-    return float(refinery.geometry.project(bend).each_other[0, 0]) > _BENT
 
 
 def _moved_to(line: Fit, values: Iterable[float]) -> list[Fit]:

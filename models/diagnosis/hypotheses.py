@@ -25,6 +25,7 @@ from sim.effects.base import EffectParameter
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
+_EVERYDAY = 2.0  # standard deviations, the part's own spread among them
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
 
 
@@ -51,6 +52,16 @@ class Term:
     def distance(self) -> float:
         """From off, in the value's unit."""
         return self.value - self.head.off
+
+    @property
+    def significance(self) -> float:
+        """Distance from off in standard deviations."""
+        return abs(self.distance) / self.sigma
+
+    @property
+    def beyond_everyday(self) -> bool:
+        """Whether the value is further off than any ordinary bench has it."""
+        return abs(self.distance) > _EVERYDAY * float(np.hypot(self.sigma, self.head.tolerance))
 
     def moved(self, step: float) -> Self:
         """The value moved, at most to its bounds."""

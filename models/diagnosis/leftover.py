@@ -1,9 +1,10 @@
 r"""What nobody has thought of: a smooth loss, or a smooth error, at one place of the converter.
 
 A leftover is a Gaussian process over (D1, D2, power) in watts at a location, shown to every channel as watts lost
-there would be; temperatures follow by amounts of their own. It is written as :math:`F F^T` with few columns:
-the leading eigenvectors of a squared-exponential kernel at the measured set points. Which location and how
-many watts it has is not known, so every configuration is a rival of its own.
+there would be; temperatures follow by amounts of their own. It is written as :math:`F F^T` with few columns: levels
+(always, with the bridges on, under load), straight trends, and the leading eigenvectors of a squared-exponential kernel
+at the measured set points. Which location and how many watts it has is not known, so every configuration is a
+rival of its own.
 """
 
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 AMPLITUDES_W = (0.15, 0.5, 1.5, 5.0)
 _COLUMNS = 40  # of one smooth map: more would be noise
 _CAPTURED = 0.98  # of the kernel's trace
+_TREND = 2.0  # of the amplitude: a level or a slope is likelier than a bump
 _LENGTH_OF_TIME = 0.3  # of the campaign
 _POWERS = ("efficiency", "P_link1_W", "P_link2_W")
 _TEMPERATURES = ("T_heatsink_C", "T_transformer_C", "T_inductor_C")
@@ -70,13 +72,25 @@ def smooth_maps(place: Array) -> Array:
     return np.asarray((vectors[:, :kept] * np.sqrt(values[:kept])).T)
 
 
+def trends(place: Array) -> Array:
+    """Straight trends over places (N, d), of mean square one each but for the factor, (at most d, N)."""
+    apart = place - place.mean(axis=0)
+    spread = apart.std(axis=0)
+    moving = spread > 1e-9
+    return np.asarray(_TREND * (apart[:, moving] / spread[moving]).T)
+
+
 def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
     """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves."""
     row = observations.row
     used, place = np.unique(row, return_inverse=True)
-    maps = smooth_maps(locations(observations)[used])[:, place]
-    time_s = np.asarray(observations.points.time_s)[used]
-    later = smooth_maps(time_s[:, None] / max(float(np.ptp(time_s)) * _LENGTH_OF_TIME, 1e-9))[:, place]
+    p = observations.points.take(used)
+    levels = np.stack([np.ones(used.size), np.asarray(p.pwm), np.asarray(p.power_W) > 0]).astype(np.float64)
+    where = locations(observations)[used]
+    maps = np.concatenate([_TREND * levels, trends(where), smooth_maps(where)])[:, place]
+    time_s = np.asarray(p.time_s)[:, None]
+    moment = time_s / max(float(np.ptp(time_s)) * _LENGTH_OF_TIME, 1e-9)
+    later = np.concatenate([_TREND * levels, trends(moment), smooth_maps(moment)])[:, place]
     watt = np.array([c.watt for c in observations.channels])[observations.channel]
     present = {c.name for c in observations.channels}
     found: list[Array] = []
@@ -103,7 +117,7 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
             scale = per_watt if name == "output" and len(shared) > 1 else watt
             columns = [part(shared, scale)] if shared else []
             yield name, np.concatenate([*columns, *(part((c,), watt) for c in own)])
-        if np.ptp(time_s) > 0 and "efficiency" in present:
+        if np.ptp(time_s) > 0.0 and "efficiency" in present:
             yield IN_TIME, part(("efficiency",), watt, later)
 
     configurations = tuple(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from models.diagnosis.observations import Observations
 from sim.model import Model
 from sim.parameters import Converter
-from sim.simulate import can_run, simulate
+from sim.simulate import can_run
 
 Array = NDArray[np.float64]
 
@@ -95,32 +95,32 @@ def check_set_points(observations: Observations, baseline: Model) -> None:
     )
 
 
-def plausible(observations: Observations, baseline: Model) -> tuple[Observations, list[RejectedColumn]]:
-    """Observations without the columns that cannot be what they are called, and why each was left out."""
+def implausible(
+    observations: Observations, expected: Array
+) -> tuple[NDArray[np.bool_], list[RejectedColumn]]:
+    """Readings (M,) of columns that cannot be what they are called, and why; ``expected`` (M,) is the baseline's."""
+    D1 = np.asarray(observations.points.D1)[observations.row]
+    judged = observations.loaded[observations.row] & np.isfinite(expected)
     rejected = []
-    rows = np.flatnonzero(observations.loaded & np.isin(np.arange(len(observations.frame)), observations.row))
-    result = simulate(baseline, observations.points.take(rows))
-    for channel in observations.channels:
-        readings = np.asarray(observations.frame[channel.column], dtype=np.float64)[rows]
-        good = np.isfinite(readings) & np.isfinite(result[channel.column])
+    for k, channel in enumerate(observations.channels):
+        at = judged & (observations.channel == k)
+        if at.sum() < _ENOUGH:
+            continue
         column = _Column(
             name=channel.column,
             floor=channel.floor,
-            measured=readings[good],
-            expected=result[channel.column][good],
-            D1=np.asarray(observations.points.D1)[rows][good],
+            measured=observations.value[at],
+            expected=expected[at],
+            D1=D1[at],
         )
-        if good.sum() >= _ENOUGH:
-            reason = next((said for judge in _JUDGES if (said := judge(column)) is not None), None)
-            if reason is not None:
-                rejected.append(RejectedColumn(column=channel.column, reason=reason))
+        reason = next((said for judge in _JUDGES if (said := judge(column)) is not None), None)
+        if reason is not None:
+            rejected.append(RejectedColumn(column=channel.column, reason=reason))
+    if {r.column for r in rejected}.isdisjoint(_LINK):
+        rejected += _crossed(observations)
     names = {r.column for r in rejected}
-    rejected += [r for r in _crossed(observations) if names.isdisjoint(_LINK)]
-    names = {r.column for r in rejected}
-    keep = ~np.isin(
-        observations.channel, [k for k, c in enumerate(observations.channels) if c.column in names]
-    )
-    return observations.take(keep), rejected
+    places = [k for k, c in enumerate(observations.channels) if c.column in names]
+    return np.isin(observations.channel, places), rejected
 
 
 def _stuck(c: _Column) -> str | None:

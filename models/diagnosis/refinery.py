@@ -13,12 +13,14 @@ from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
 from sim.simulate import Result
+from sim.spread import shifted_together
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
 _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
-_STILL = 0.05  # of the value's standard deviation
+_LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
+_STILL = 0.2  # of the value's standard deviation
 _REACH = 0.7  # prior scales that one step may go
 _WITHIN = 3.0  # sigmas that a spread may take
 _FAR_ENOUGH = 0.2  # standard deviations between two states that tell a slope
@@ -53,15 +55,13 @@ class Refinery:
             between = self.geometry.between_spreads
             inner = np.eye(own.size) - between[np.ix_(own, own)]
             onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]
-        state = np.clip(onto[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
-        state[own] = 0.0
-        return np.asarray(state)
+        onto[own] = 0.0
+        return np.clip(onto[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
 
     def model(self, fit: Fit, spreads: Array) -> Model:
         """The baseline with these spreads and the fit's effects."""
-        converter = self.baseline.converter
-        for entry, sigmas in zip(self.known.spread_entries, spreads, strict=True):
-            converter = entry.shifted(converter, float(sigmas))
+        state = zip(self.known.spread_entries, spreads.tolist(), strict=True)
+        converter = shifted_together(self.baseline.converter, state)
         model = Model(converter=converter, effects=self.baseline.effects)
         for term in fit.terms:
             model = model.with_effect(term.effect, **term.signature.values(term.value))
@@ -90,7 +90,7 @@ class Refinery:
         """
         best = {_key(fit): fit for fit in fits}
         ahead = self._onward(list(best.values()), leader)
-        for _ in range(_ROUNDS):
+        for turn in range(_ROUNDS):
             if not ahead:
                 break
             going = []
@@ -104,7 +104,8 @@ class Refinery:
                     halved = 0.5 * (np.array([t.value for t in fit.terms]) - [t.value for t in known.terms])
                     going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
             leader = max([leader, *(f.log_evidence for f in best.values())])
-            ahead = [f for f in going if best[_key(f)].log_evidence >= hopeless(leader)]
+            least = hopeless(leader, _BEHIND if turn < _LATE else _BEHIND_LATE)
+            ahead = [f for f in going if best[_key(f)].log_evidence >= least]
         return list(best.values())
 
     def _onward(self, fits: list[Fit], leader: float) -> list[Fit]:
@@ -119,9 +120,9 @@ class Refinery:
         return moved
 
 
-def hopeless(leader: float) -> float:
+def hopeless(leader: float, behind: float = _BEHIND) -> float:
     """Evidence below which a candidate will not catch up with the leader."""
-    return leader - _BEHIND if np.isfinite(leader) else -np.inf
+    return leader - behind if np.isfinite(leader) else -np.inf
 
 
 def _key(fit: Fit) -> tuple[object, ...]:

@@ -52,7 +52,8 @@ class Signature:
 class Signatures:
     """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
 
-    The first directions are those of the converter's ``spread_entries``, the rest the instruments'.
+    The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
+    tolerance without being a converter's parameter, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
     ``per_watt`` (M,) its change for one watt more at the output.
     """
@@ -68,10 +69,8 @@ class Signatures:
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
         entry = CATALOGUE[name]
-        paths = set(entry.paths) if isinstance(entry, ParameterEffect) else set()
-        return np.array(
-            [k for k, spread in enumerate(self.spread_entries) if spread.path in paths], dtype=np.intp
-        )
+        paths = entry.paths if isinstance(entry, ParameterEffect) else (name,)
+        return np.flatnonzero(np.isin(self.spread_names, paths))
 
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
@@ -100,13 +99,11 @@ def step_of(entry: Effect) -> float:
 def signatures(
     observations: Observations, baseline: Model, without: frozenset[str] = frozenset()
 ) -> Signatures:
-    """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call."""
-    entries = [
-        (name, entry, other)
-        for name, entry in CATALOGUE.items()
-        if name not in without
-        for other in entry.variants()
-    ]
+    """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call.
+
+    An effect that is left out as a cause still has its everyday tolerance.
+    """
+    entries = [(name, entry, other) for name, entry in CATALOGUE.items() for other in entry.variants()]
     present = baseline.effects
     models = [baseline]
     for name, entry, other in entries:
@@ -119,18 +116,24 @@ def signatures(
         Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
         for (name, entry, other), after in zip(entries, moved[: len(entries)], strict=True)
     ]
-    effects = tuple(s for s in found if not _imitates(s, found))
-    names, directions = _instrument_spreads(observations, baseline.converter)
     (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base)
+    effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
+    everyday = {s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry)}
+    everyday |= _instrument_spreads(observations, baseline.converter) | {"measured V1": V1, "measured V2": V2}
     return Signatures(
         baseline=base,
         effects=effects,
         spread_entries=spreads,
-        spread_names=(*(s.path for s in spreads), *names, "measured V1", "measured V2"),
-        spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, directions, [V1, V2]]),
+        spread_names=(*(s.path for s in spreads), *everyday),
+        spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, np.stack(list(everyday.values()))]),
         input_sigma=input_sigma,
         per_watt=per_watt,
     )
+
+
+def _is_everyday(entry: Effect) -> bool:
+    """Whether every bench has a little of an effect that is no parameter of the converter."""
+    return not isinstance(entry, ParameterEffect) and not entry.threshold and entry.headline.tolerance > 0
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:
@@ -189,21 +192,19 @@ def _inputs(
     return (V1, V2), np.where(follows & ~folded, 0.0, np.abs(P2)), np.nan_to_num(per_watt)
 
 
-def _instrument_spreads(observations: Observations, converter: Converter) -> tuple[list[str], Array]:
-    """One-sigma directions of what instruments inside their specification may be off by.
+def _instrument_spreads(observations: Observations, converter: Converter) -> dict[str, Array]:
+    """One-sigma directions of what instruments inside their specification may be off by, (M,) by name.
 
-    A dc analyzer is good to 0.05 % of reading and 0.05 % of range at either port, an ac power to 0.3 % and 0.2 %;
-    a uniform error of that width has a sigma of width over root three. A temperature sensor is taken as good to
-    half a kelvin. Assumption: the power range in use is three quarters of the rated power, as overrange allows.
+    Gains of the dc ports and the input's offset are the tolerances of the effects of that name. Beside them the
+    output is good to 0.05 % of range, and an ac power to 0.3 % of reading and 0.2 % of range; a uniform error of
+    that width has a sigma of width over root three. A temperature sensor is taken as good to half a kelvin.
+    Assumption: the power range in use is three quarters of the rated power, as overrange allows.
     """
     power = np.asarray(observations.points.power_W)[observations.row]
     efficiency, range_W = observations.of("efficiency"), 0.75 * converter.rated_power_W
     dc, ac = 5e-4 / _ROOT_3, 3e-3 / _ROOT_3
     offset_W, ac_offset_W = dc * range_W, 2e-3 / _ROOT_3 * range_W
     table = {
-        "analyzer port 1 gain": np.where(efficiency, dc * power, 0.0),
-        "analyzer port 1 offset": np.where(efficiency, offset_W, 0.0),
-        "analyzer port 2 gain": np.where(efficiency, dc * power, 0.0),
         "analyzer port 2 offset": np.where(efficiency & (power > 0), offset_W, 0.0),
         "ac current gain": np.where(observations.of("I_L_rms_A"), ac * np.abs(observations.value), 0.0),
     }
@@ -212,4 +213,4 @@ def _instrument_spreads(observations: Observations, converter: Converter) -> tup
         table[f"{link} offset"] = np.where(observations.of(link), ac_offset_W, 0.0)
     for sensor in ("T_heatsink_C", "T_transformer_C", "T_inductor_C"):
         table[f"{sensor} offset"] = np.where(observations.of(sensor), 0.5, 0.0)
-    return list(table), np.stack(list(table.values()))
+    return table

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 SURE = 0.95
 _UNEXPLAINED = 4.0  # chi-squared per reading: noise that is understated by half leaves 2.3
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
+_ABOVE_LEFTOVER = 1.25  # times the leftover's length
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
@@ -39,9 +40,8 @@ class Cause:
 
     @property
     def shift(self) -> Array:
-        """What the cause alone adds to the prediction, (M,): the whole fit's shift less the others' lines."""
-        others = (t for t in self.fit.terms if t.effect != self.effect)
-        return np.asarray(self.fit.shift - sum(t.slope * t.distance for t in others))
+        """What the cause adds to the prediction, (M,): simulated where it is alone, else along its slope."""
+        return self.fit.shift if len(self.fit.terms) == 1 else self.term.slope * self.term.distance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,22 +101,36 @@ def _tie_group(
     return tuple(group) if _any_of(hypotheses, group) >= SURE else ()
 
 
-def judge(hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 1.0) -> Verdict:
+def judge(
+    hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 1.0, leftover: float = 0.0
+) -> Verdict:
     """The verdict of a posterior.
+
+    ``leftover`` is the length in sigmas of what is probably left over, 0 where nothing is. A cause is stated beside it
+    only if its value is further from off than that, well above: what nobody has thought of looks a little like
+    something.
 
     ``misfit`` is the chi-squared per reading that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed.
     """
     bare = [h for h in hypotheses if not h.fit.terms]
     nothing = sum(h.probability for h in bare if h.leftover is None)
+    ordinary = sum(
+        h.probability
+        for h in hypotheses
+        if h.leftover is None and not any(t.beyond_everyday for t in h.fit.terms)
+    )
     nameless = sum(h.probability for h in bare if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
-    named = tuple(c.effect for c in causes if c.probability >= SURE)
-    rest = [c for c in causes if c.effect not in named]
+    large = [
+        c for c in causes if c.term.significance >= _ABOVE_LEFTOVER * leftover and c.term.beyond_everyday
+    ]
+    named = tuple(c.effect for c in large if c.probability >= SURE)
+    rest = [c for c in large if c.effect not in named]
     group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest else ()
     if named or group:
         kind = "named" if named else "group"
-    elif nothing >= 1 - SURE and nothing >= nameless and misfit <= _UNEXPLAINED:
+    elif ordinary >= 1 - SURE and ordinary >= nameless and misfit <= _UNEXPLAINED:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"

@@ -107,7 +107,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         name="fan_step",
         stage="supply, wiring",
         parameters=(
-            _one("power_W", "W", 0.0, 3.0, 0.0, 30.0),
+            _one("power_W", "W", 0.2, 3.0, 0.0, 30.0),
             EffectParameter(
                 name="threshold_C",
                 scan=(30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0),
@@ -155,7 +155,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         name="analyzer_range_step",
         stage="measurement, command",
         parameters=(
-            _one("relative_step", "1", 0.0, 4e-3, -0.05, 0.05),
+            _one("relative_step", "1", 3e-4, 4e-3, -0.05, 0.05),
             EffectParameter(
                 name="boundary_A",
                 scan=(1.0, 2.0, 5.0, 10.0),

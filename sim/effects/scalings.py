@@ -117,6 +117,15 @@ SCALINGS: tuple[Effect, ...] = (
         ),
     ),
     ParameterEffect(
+        name="inductor_saturation",
+        stage="circuit",
+        parameters=_parameter("relative_drop", "1", 0.01, 0.15, (0.0, 0.6)),
+        paths=("inductor.saturation",),
+        change=_added,
+        says="the link inductance falls with current: its core saturates, at 15 A by that much",
+        check_on_bench="look at the link current's corners at full load with a current probe: are they pointed?",
+    ),
+    ParameterEffect(
         name="magnetizing_inductance",
         stage="circuit",
         parameters=_started(

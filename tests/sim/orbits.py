@@ -71,13 +71,13 @@ def random_case(count: int, *, seed: int, converter: Converter | None = None) ->
 
 
 def without_losses(converter: Converter) -> Converter:
-    """No drops, 0.1 mOhm (the solver's exponentials need some) and a dead time of a picosecond."""
+    """No drops, no resistance, no dead time."""
     nothing = Conduction(threshold_V=0.0, resistance_Ohm=0.0)
     primary, inductor, transformer = converter.primary, converter.inductor, converter.transformer
     return replace(
         converter,
-        dead_time_s=1e-12,
-        link_resistance_Ohm=1e-4,
+        dead_time_s=0.0,
+        link_resistance_Ohm=0.0,
         primary=replace(
             primary,
             outer=replace(primary.outer, on=nothing, reverse=nothing),

@@ -9,7 +9,7 @@ from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK
 from sim.model import Model
 from sim.modulation import centre_offset, hybrid_edges
 from sim.operating_points import Points, grid
-from sim.parameters import Converter
+from sim.parameters import Converter, ParameterError
 from sim.piecewise import power_share
 from sim.prototype import prototype
 from sim.simulate import PARTS, Result, simulate, simulate_many
@@ -147,6 +147,24 @@ def test_the_reason_says_what_is_in_the_way(D1: float, D2: float, power_W: float
     result = simulate(Model.baseline(), Points(D1=D1, D2=D2, power_W=power_W))
     assert not result.feasible[0]
     assert says in result.reason[0]
+
+
+def test_a_part_too_hot_to_exist_is_infeasible_not_a_number() -> None:
+    furnace = Model.baseline().with_effect("thermal_resistance", relative_error=2.0)
+    points = Points(D1=0.9, D2=0.1, power_W=1500.0, ambient_C=[25.0, 200.0])
+    result = simulate(furnace, points)
+    assert result.feasible.tolist() == [True, False]
+    assert "hotter than 250 degC" in result.reason[1]
+    assert all(np.isnan(column[1]) for column in result.values.values())
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("D1", np.nan), ("power_W", np.inf), ("V1_V", 0.0), ("ambient_C", np.nan)]
+)
+def test_points_that_are_no_numbers_are_refused_by_name(field: str, value: float) -> None:
+    good = {"D1": 0.9, "D2": 0.1, "power_W": 500.0}
+    with pytest.raises(ParameterError, match=rf"Points\.{field}\[0\] is {value}"):
+        Points(**(good | {field: value}))
 
 
 @pytest.mark.parametrize(("D1", "D2"), [(1.0, 0.0), (1.0, 0.3), (0.7, 0.0), (0.2, 0.6)])

@@ -8,7 +8,8 @@ from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.verdict import Verdict, isolability, judge
-from tests.models.diagnosis.fabricated import joint_fit
+from sim.effects.catalogue import CATALOGUE
+from tests.models.diagnosis.fabricated import fit_of, joint_fit
 
 SIGMA = 0.5
 WHITENER = Whitener.of(SIGMA**2 * np.eye(4))
@@ -27,13 +28,13 @@ def _leftover(amplitude_W: float) -> Leftover | None:
     return Leftover(location="input", amplitude_W=amplitude_W, columns=np.arange(0)) if amplitude_W else None
 
 
-def judged(*entries: Entry, misfit: float = 1.0) -> Verdict:
+def judged(*entries: Entry, misfit: float = 1.0, leftover: float = 0.0) -> Verdict:
     """The verdict over (effects or None, shift, leftover in W, probability), in any order."""
     hypotheses = [
         Hypothesis(fit=_fit(effects, shift), leftover=_leftover(amplitude), probability=probability)
         for effects, shift, amplitude, probability in entries
     ]
-    return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER, misfit)
+    return judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER, misfit, leftover)
 
 
 def test_identical_shifts_cannot_be_told_apart() -> None:
@@ -119,3 +120,17 @@ def test_what_cannot_be_told_from_nothing_has_no_group() -> None:
     verdict = judged(("auxiliary_power", faint, 0.0, 0.5), ("gate_delay_skew", faint, 0.0, 0.48),
                      (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
     assert (verdict.kind, verdict.groups) == ("unknown", ())
+
+
+def test_a_cause_that_is_small_beside_what_is_left_over_is_not_named() -> None:
+    entries = (("link_resistance", ALONG, 1.5, 0.99), (None, 0 * ALONG, 5.0, 0.01))
+    significance = 1.0 / 0.1  # the made-up fits' value over their sigma
+    assert judged(*entries, leftover=0.5 * significance).kind == "named"
+    assert judged(*entries, leftover=1.0 * significance).kind == "unknown"
+
+
+def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
+    head = CATALOGUE["fan_step"].headline
+    for tolerances, kind in ((1.0, "consistent"), (5.0, "named")):
+        fit = fit_of("fan_step", ALONG, value=head.off + tolerances * head.tolerance)
+        assert judge([Hypothesis(fit=fit, leftover=None, probability=1.0)], WHITENER).kind == kind

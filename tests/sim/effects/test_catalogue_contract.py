@@ -13,7 +13,8 @@ from sim.simulate import Points, Result, simulate, simulate_many
 
 STAGES = {
     "circuit": {
-        "link_resistance", "skin_effect", "leakage_inductance", "magnetizing_inductance", "dead_time",
+        "link_resistance", "skin_effect", "leakage_inductance", "inductor_saturation", "magnetizing_inductance",
+        "dead_time",
         "gate_delay_skew",
     },
     "semiconductors": {
@@ -33,6 +34,7 @@ CHANGES = {
     "link_resistance": {"link_resistance_Ohm"},
     "skin_effect": {"inductor.winding.ac_extra", "transformer.winding.ac_extra"},
     "leakage_inductance": {"inductor.inductance_H"},
+    "inductor_saturation": {"inductor.saturation"},
     "magnetizing_inductance": {"transformer.magnetizing_H"},
     "dead_time": {"dead_time_s"},
     "gate_delay_skew": {"secondary_delay_s"},

@@ -1,0 +1,108 @@
+"""What no cause explains, for people: where it is, how large, and a short formula of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.refinery import Refinery
+from sim.operating_points import Points
+
+Array = NDArray[np.float64]
+
+_LIKELY = 0.5  # probability of a leftover from which it is described
+_KILO = 1000.0
+_TERMS: dict[str, Callable[[Points], Array]] = {
+    "1": lambda p: np.ones(len(p)),
+    "P/kW": lambda p: np.asarray(p.power_W) / _KILO,
+    "(P/kW)^2": lambda p: (np.asarray(p.power_W) / _KILO) ** 2,
+    "D1": lambda p: np.asarray(p.D1) + 0.0,
+    "D2": lambda p: np.asarray(p.D2) + 0.0,
+    "D1^2": lambda p: np.asarray(p.D1) ** 2,
+    "D2^2": lambda p: np.asarray(p.D2) ** 2,
+    "D1*P/kW": lambda p: np.asarray(p.D1) * np.asarray(p.power_W) / _KILO,
+    "D2*P/kW": lambda p: np.asarray(p.D2) * np.asarray(p.power_W) / _KILO,
+    "D1*D2": lambda p: np.asarray(p.D1) * np.asarray(p.D2),
+    "t/h": lambda p: np.asarray(p.time_s) / 3600.0,
+}
+_MOST_TERMS = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unexplained:
+    """A leftover: its most probable place, root mean square in W at the input, formula, and how much that holds.
+
+    ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,); ``size`` its length in sigmas.
+    """
+
+    location: str
+    rms_W: float
+    formula: str
+    explained: float
+    rows: NDArray[np.intp]
+    watts: Array
+    size: float
+
+
+def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexplained | None:
+    """The leftover of the most probable hypothesis that has one; None where it is unlikely that there is any."""
+    with_one = [h for h in hypotheses if h.leftover is not None]
+    if sum(h.probability for h in with_one) < _LIKELY:
+        return None
+    best = with_one[0]
+    assert best.leftover is not None
+    geometry, observations = refinery.geometry, refinery.observations
+    left = (refinery.residual - best.fit.shift)[None]
+    pulled = geometry.solve(left, best.fit.own(refinery.known), best.leftover)[0]
+    columns = best.leftover.amplitude_W * geometry.leftovers.basis[best.leftover.columns]
+    at = observations.of("efficiency") & observations.loaded[observations.row]
+    shift = columns.T @ (columns @ pulled)
+    rows, watts = observations.row[at], shift[at]
+    formula, explained = shortest_formula(observations.points.take(rows), watts)
+    return Unexplained(
+        location=best.leftover.location,
+        rms_W=float(np.sqrt(np.mean(watts**2))),
+        formula=formula,
+        explained=explained,
+        rows=rows,
+        watts=watts,
+        size=float(np.sqrt(geometry.project(shift[None]).each_other[0, 0])),
+    )
+
+
+def shortest_formula(points: Points, watts: Array) -> tuple[str, float]:
+    """The sum of at most two simple terms that comes nearest to watts (n,), and the share of its square explained.
+
+    Terms are chosen by the Bayesian information criterion (Schwarz, 1978).
+
+    >>> p = Points(D1=np.linspace(0.5, 1, 30), D2=0.2, power_W=np.linspace(300, 900, 30) * np.tile([1, 2], 15))
+    >>> shortest_formula(p, 3.0 * (p.power_W / 1000) ** 2)
+    ('3 W * (P/kW)^2', 1.0)
+    """
+    values = {name: term(points) for name, term in _TERMS.items()}
+    total = float(watts @ watts)
+    if total == 0.0:
+        return "0 W", 1.0
+    best: tuple[float, tuple[str, ...], Array, float] | None = None
+    for count in range(1, _MOST_TERMS + 1):
+        for names in combinations(values, count):
+            design = np.stack([values[n] for n in names], axis=1)
+            factors = np.asarray(np.linalg.lstsq(design, watts, rcond=1e-9)[0], dtype=np.float64)
+            missed = float(np.sum((watts - design @ factors) ** 2))
+            criterion = watts.size * np.log(max(missed / total, 1e-12)) + count * np.log(watts.size)
+            if best is None or criterion < best[0]:
+                best = (float(criterion), names, factors, missed)
+    assert best is not None
+    _, names, factors, missed = best
+    return _written(names, factors), round(1 - missed / total, 3)
+
+
+def _written(names: Sequence[str], factors: Array) -> str:
+    parts = [
+        f"{factor:.3g} W" + ("" if name == "1" else f" * {name}")
+        for name, factor in zip(names, factors, strict=True)
+    ]
+    return " + ".join(parts).replace("+ -", "- ")
