@@ -90,7 +90,7 @@ def _ranking(found: list[Searched]) -> Table:
         for s in found
     ]  # fmt: skip
     columns = (
-        "search", "evaluations a load", "worst regret, points", "worst of 19 loads, mean", "mean", "median",
+        "search", "evaluations a load", "worst regret, points", "worst of a run, mean", "mean", "median",
         "found within 0.01, %", "true cost of it, mean, points", "CPU s, all loads",
     )  # fmt: skip
     return Table(
