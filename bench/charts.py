@@ -233,8 +233,8 @@ def loss_parts(losses: pd.DataFrame) -> list[str]:
     return sorted(some, key=lambda name: next((k for k, s in enumerate(stages) if name.startswith(s)), 9))
 
 
-def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
-    """Error on blocks that were not fitted: before, after, and what rivals of the diagnosis reach."""
+def gain_rows(gain: Mapping[str, Any]) -> list[tuple[str, float, str]]:
+    """(label, error in points, colour) of what was measured on blocks that were not fitted."""
     rows: Sequence[tuple[str, str, str]] = (
         ("before", "Simulation as it was", "grey"),
         ("wrong_cause", "Best wrong cause", "orange"),
@@ -242,9 +242,14 @@ def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
         ("after", "Simulation extended with the cause", "green"),
         ("calibrated", "... and its parts and the analyzer calibrated", "blue"),
     )
-    known = [
+    return [
         (label, 100 * float(gain[key]), colour) for key, label, colour in rows if gain.get(key) is not None
     ]
+
+
+def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
+    """Error on blocks that were not fitted: before, after, and what rivals of the diagnosis reach."""
+    known = gain_rows(gain)
     figure = go.Figure(
         go.Bar(
             x=[value for _, value, _ in known], y=[label for label, _, _ in known], orientation="h",

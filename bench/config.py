@@ -136,6 +136,9 @@ class ConverterConfig(Section):
     input_voltage_V: Positive = Field(default=300.0, description="dc input, held by the supply")
     output_voltage_V: Positive = Field(default=140.0, description="dc output, held by the controller")
     model: Path | None = Field(default=None, description="simulation model file; without it the baseline")
+    modulation: Literal["hybrid", "sps", "dps", "eps", "tps"] | None = Field(
+        default=None, description="how the bridges are driven; without it as in the simulation model"
+    )
     start_D1: Duty = Field(default=0.8, description="D1 to start with and to change the power at")
     start_D2: Duty = Field(default=0.0, description="D2 to start with and to change the power at")
 

@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 from bench.config import BenchConfig, DcDeviceConfig
 from bench.errors import BenchError
 from bench.lock import ports_of_bench
+from bench.prediction import model_of
 from bench.spy import log_of
 from drivers.analyzer import Analyzer, load_analyzer_model
 from drivers.clock import Clock
@@ -178,7 +179,13 @@ def _analyzer(config: BenchConfig, clock: Clock, spy: Spy | None) -> Analyzer:
 def _controller(config: BenchConfig, spy: Spy | None) -> Controller:
     c = config.controller
     link = ByteLink.open(c.resource, baud=c.baud, spy=spy)
-    return Controller(link, heartbeat_s=c.heartbeat_s, timeout_s=c.timeout_s, lateness_s=c.lateness_s)
+    return Controller(
+        link,
+        heartbeat_s=c.heartbeat_s,
+        timeout_s=c.timeout_s,
+        lateness_s=c.lateness_s,
+        modulation=model_of(config.converter).converter.modulation,
+    )
 
 
 def _modbus(config: DcDeviceConfig, ceilings: dict[str, float], spy: Spy | None) -> ModbusDevice:

@@ -1,7 +1,8 @@
 """One owner per port on this machine: held by the operating system, so it ends with the process, however it ends.
 
-The database says who owns a bench; this holds also for two programs that use two databases, and for ports that the
-operating system itself would share (TCP).
+The database says who owns a bench; this holds also for two programs that use two databases. A serial port is opened
+for one program alone anyway (``drivers.transport``), so only what the operating system would share is locked here:
+addresses on a network.
 """
 
 import fcntl
@@ -18,8 +19,9 @@ from bench.errors import BenchTaken
 
 @contextmanager
 def ports_of_bench(config: BenchConfig) -> Iterator[None]:
-    """Hold every port of a bench; BenchTaken says which one somebody else has, and who."""
-    resources = {part.resource for part in (config.analyzer, config.supply, config.load, config.controller)}
+    """Hold every network address of a bench; BenchTaken says which one somebody else has, and who."""
+    parts = (config.analyzer, config.supply, config.load, config.controller)
+    resources = {part.resource for part in parts if "://" in part.resource}
     with ExitStack() as held:
         for resource in sorted(resources):
             held.enter_context(_port(resource))
@@ -28,7 +30,7 @@ def ports_of_bench(config: BenchConfig) -> Iterator[None]:
 
 @contextmanager
 def _port(resource: str) -> Iterator[None]:
-    path = _folder() / hashlib.sha256(os.path.realpath(resource).encode()).hexdigest()[:24]
+    path = _folder() / hashlib.sha256(resource.encode()).hexdigest()[:24]
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         try:

@@ -59,7 +59,7 @@ class SimulatedConverter:
     def of(cls, converter: ConverterConfig) -> "SimulatedConverter":
         """The model file of the bench, or the baseline when it names none."""
         return cls(
-            model=model_from(converter.model),
+            model=model_of(converter),
             input_voltage_V=converter.input_voltage_V,
             output_voltage_V=converter.output_voltage_V,
         )
@@ -79,6 +79,12 @@ class SimulatedConverter:
             ),
         )
         return Forecast(feasible=result.feasible, reason=result.reason, columns=dict(result.values))
+
+
+def model_of(converter: ConverterConfig) -> Model:
+    """The simulation model of a bench, under the bench's modulation."""
+    model = model_from(converter.model)
+    return model if converter.modulation is None else model.driven_by(converter.modulation)
 
 
 def model_from(path: Path | None) -> Model:

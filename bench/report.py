@@ -30,6 +30,8 @@ from bench.wording import (
     verdict_text,
 )
 
+_SWITCH_OFF = "Switch the bench off by hand and check it: power-off was not confirmed."
+STEPS_SHOWN = 3  # of what to measure next, among what to do
 ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
 OPTIMUM = ["P_W", "D1", "D2", "predicted", "measured"]
 TEMPLATES = Path(__file__).with_name("templates")
@@ -66,49 +68,62 @@ class ReportData:
         return pd.DataFrame(list(self.summary.get("optimum") or ()), columns=OPTIMUM).astype(float)
 
 
-def write_report(path: Path, data: ReportData) -> None:
-    """Write the report; the file holds its own styles, scripts and data."""
-    environment = Environment(
+def environment() -> Environment:
+    """Where the pages' templates come from, with the filters that they use."""
+    made = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=ChainableUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {
+    made.filters |= {
         "points": points_text, "per_cent": per_cent, "duration": duration, "words": effect_name,
         "counted": counted, "fixed": fixed, "parameter": parameter_text,
     }  # fmt: skip
-    page = environment.get_template("report.html").render(
-        data=data,
-        headline=verdict_text(data.diagnosis),
-        actions=actions(data),
-        tiles=tiles(data),
-        errors=error_rows(data.summary),
-        steps=step_rows(data.summary),
-        revealed=revealed(data.summary),
-        charts=_charts(data),
-        plotly=get_plotlyjs(),
+    return made
+
+
+def write_report(path: Path, data: ReportData) -> None:
+    """Write the report; the file holds its own styles, scripts and data."""
+    page = (
+        environment()
+        .get_template("report.html")
+        .render(
+            data=data,
+            headline=verdict_text(data.diagnosis),
+            actions=actions(data),
+            tiles=tiles(data),
+            errors=error_rows(data.summary),
+            steps=step_rows(data.summary),
+            revealed=revealed(data.summary),
+            charts=_charts(data),
+            plotly=get_plotlyjs(),
+        )
     )
     path.write_text(page, encoding="utf-8")
 
 
 def actions(data: ReportData) -> list[str]:
     """What to do now, the most urgent first."""
-    diagnosis, todo = data.diagnosis, []
-    if not data.power_off.get("confirmed"):
-        todo.append("Switch the bench off by hand and check it: power-off was not confirmed.")
-    for cause in probable_causes(diagnosis, ASKED_AFTER):
-        if check := cause.get("check"):
-            todo.append(f"Check {effect_name(cause['effect'])}: {check}.")
-    steps = diagnosis.get("next") or ()
-    if steps and diagnosis.get("verdict") in ("group", "unknown"):
-        step = steps[0]
+    off = () if data.power_off.get("confirmed") else (_SWITCH_OFF,)
+    return [*off, *diagnosis_actions(data.diagnosis)]
+
+
+def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
+    """What a diagnosis asks for, the most urgent first."""
+    todo = [
+        f"Check {effect_name(cause['effect'])}: {check}."
+        for cause in probable_causes(diagnosis, ASKED_AFTER)
+        if (check := cause.get("check"))
+    ]
+    for step in list(diagnosis.get("next") or ())[:STEPS_SHOWN]:
         told = join([effect_name(name) for name in step.get("separates") or ()])
         minutes = f" (about {step['minutes']:.3g} min)" if step.get("minutes") is not None else ""
+        repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
         todo.append(
-            f"Measure next: {effect_name(str(step['action']))}{minutes}"
-            + (f", to tell {told} apart." if told else ".")
+            f"Measure next: {effect_name(str(step['action']))}{repeats}{minutes}"
+            + (f", to settle {told}." if told else ".")
         )
     if diagnosis.get("model") and diagnosis.get("verdict") == "named":
         todo.append(f"Simulate with the extended model from now on: {diagnosis['model']}.")

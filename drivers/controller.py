@@ -92,12 +92,20 @@ class Controller:
     heartbeat_s : time between two beats that ``arm`` announces, in seconds of the bench's clock.
     timeout_s : longest wait for a reply, in real seconds.
     lateness_s : no reply comes later than this after its deadline, in real seconds.
+    modulation : what ``set_modulation`` and ``load_table`` ask for when they are not told.
     """
 
     def __init__(
-        self, link: ByteLink, *, heartbeat_s: float = 2.0, timeout_s: float = 1.0, lateness_s: float = 1.0
+        self,
+        link: ByteLink,
+        *,
+        heartbeat_s: float = 2.0,
+        timeout_s: float = 1.0,
+        lateness_s: float = 1.0,
+        modulation: str = MODES[0],
     ) -> None:
         self._link = link
+        self._modulation = modulation
         self._heartbeat_s = heartbeat_s
         self._timeout_s = timeout_s
         self._lateness_s = lateness_s
@@ -127,7 +135,7 @@ class Controller:
         if self.heartbeat().armed:
             raise ReadbackError("the controller is still armed after it was disarmed")
 
-    def set_modulation(self, D1: float, D2: float, *, mode: str = "hybrid") -> Applied:
+    def set_modulation(self, D1: float, D2: float, *, mode: str | None = None) -> Applied:
         """Set D1 and D2, in half periods, 0 to 1; returns the values in effect, whole PWM counts.
 
         Raises
@@ -136,6 +144,7 @@ class Controller:
         InstrumentRefused : refused by the controller, for instance a pulse shorter than the dead time.
         ReadbackError : the controller applied something else.
         """
+        mode = mode or self._modulation
         if wrong := _duty_problems("D1", D1) + _duty_problems("D2", D2) + _mode_problems(mode):
             raise LimitError("; ".join(wrong))
         with self._link.lock:
@@ -191,11 +200,12 @@ class Controller:
             faults=fault_names(faults),
         )
 
-    def load_table(self, rows: Sequence[TableRow], *, mode: str = "hybrid") -> tuple[TableRow, ...]:
+    def load_table(self, rows: Sequence[TableRow], *, mode: str | None = None) -> tuple[TableRow, ...]:
         """Load D1 and D2 over output power and read the table back; it is not yet in use.
 
         Raises ``LimitError``, ``InstrumentRefused``, ``ReadbackError`` as ``set_modulation`` does.
         """
+        mode = mode or self._modulation
         if wrong := _table_problems(rows) + _mode_problems(mode):
             raise LimitError("; ".join(wrong))
         with self._link.lock:

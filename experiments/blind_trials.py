@@ -65,4 +65,4 @@ def run(settings: Settings) -> Result:
     return run_with(SCORING, settings)
 
 
-EXPERIMENT = Experiment(title="Blind trials of the diagnosis", run=run, parts=NAMES)
+EXPERIMENT = Experiment(title="Blind trials of the diagnosis", run=run, parts=NAMES, apart=True)

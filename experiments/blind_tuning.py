@@ -12,4 +12,4 @@ def run(settings: Settings) -> Result:
     return run_with(TUNING, settings)
 
 
-EXPERIMENT = Experiment(title="Blind trials on the seeds for tuning", run=run, parts=NAMES)
+EXPERIMENT = Experiment(title="Blind trials on the seeds for tuning", run=run, parts=NAMES, apart=True)

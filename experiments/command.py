@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -14,13 +14,20 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table as RichTable
 
+import bench
+import drivers
+import experiments
+import models
+import sim
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.wording import duration
+from experiments.harness.journal import code_hash
+from experiments.harness.overview import Overview
 from experiments.harness.page import Page
 from experiments.harness.plain import is_number, plain_lines
 from experiments.harness.registry import Entry, UnknownExperiment, entry, names
-from experiments.harness.result import Result, Table, shown
+from experiments.harness.result import Table, shown
 from experiments.harness.settings import Settings, Step, Watch
 
 QUICK = 0.1
@@ -45,6 +52,7 @@ def experiment(
     scale: Annotated[float | None, typer.Option(metavar="SHARE", help="of all trials and points")] = None,
     out_folder: Annotated[Path, typer.Option("--out", metavar="DIR")] = DEFAULT_FOLDER,
     processes: Annotated[int, typer.Option(min=1, help="trials side by side")] = 2,
+    again: Annotated[bool, typer.Option("--again", help="with all: also what DIR already holds")] = False,
     reference: Annotated[
         Path | None, typer.Option(metavar="FILE", help="other people's points, for simulator_benchmark")
     ] = None,
@@ -53,7 +61,11 @@ def experiment(
         typer.Option(metavar="PART", help="of an experiment that has parts; may be repeated"),
     ] = None,
 ) -> None:
-    """Run an experiment: print its tables, and write DIR/NAME.json and DIR/NAME.html."""
+    """Run an experiment: print its tables, and write DIR/NAME.json and DIR/NAME.html, pictures beside them.
+
+    ``all`` runs the paper's tables and figures, without the trials and benchmarks that stand apart. It goes on where
+    an earlier run of the same code and scale stopped, and writes one page, DIR/all.html, and every row in DIR/all.json.
+    """
     if name == "list":
         _list()
         return
@@ -64,13 +76,21 @@ def experiment(
         reference=reference,
         only=tuple(only or ()),
     )
-    for chosen in names() if name == "all" else [name]:
-        _run(_entry(chosen), settings)
+    task = _Task(settings=settings, code=_code())
+    if name == "all":
+        _all(task, again)
+    else:
+        found = _entry(name)
+        _check_parts(found, settings.only)
+        _print_page(task.run(found), out_folder)
 
 
 def _list() -> None:
-    rows = tuple((found.name, found.experiment.title) for found in map(entry, names()))
-    _print_table(Table(title="Experiments", columns=("name", "title"), rows=rows))
+    rows = tuple(
+        (found.name, found.experiment.title, "no" if found.experiment.apart else "yes")
+        for found in map(entry, names())
+    )
+    _print_table(Table(title="Experiments", columns=("name", "title", "in all"), rows=rows))
 
 
 def _entry(name: str) -> Entry:
@@ -89,17 +109,12 @@ def _scale(quick: bool, scale: float | None) -> float:
     return chosen
 
 
-def _run(found: Entry, settings: Settings) -> None:
-    start_s = time.perf_counter()
-    _check_parts(found, settings.only)
-    with _watching(found.name) as watch:
-        result = found.experiment.run(replace(settings, watch=watch))
-    seconds = time.perf_counter() - start_s
-    created = datetime.now(UTC).isoformat(timespec="seconds")
-    page = Page(entry=found, result=result, scale=settings.scale, seconds=seconds, created=created)
-    written = page.write(settings.out)
-    _print_result(found.experiment.title, result)
-    out.print(escape(f"{duration(seconds)}; written to {' and '.join(map(str, written))}"))
+def _code() -> str:
+    return code_hash(sim, drivers, models, bench, experiments)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _check_parts(found: Entry, only: tuple[str, ...]) -> None:
@@ -109,15 +124,67 @@ def _check_parts(found: Entry, only: tuple[str, ...]) -> None:
         raise InputError.of("command line", "--only", wrong[0], allowed)
 
 
-def _print_result(title: str, result: Result) -> None:
-    stamp(result.virtual)
-    out.print(f"[bold]{escape(title)}[/]")
-    for table in (*result.tables, *([result.goal_table()] if result.goals else [])):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Task:
+    """How everything of one command is run."""
+
+    settings: Settings
+    code: str
+
+    def run(self, found: Entry) -> Page:
+        """Run and write one experiment."""
+        start_s = time.perf_counter()
+        with _watching(found.name) as watch:
+            result = found.experiment.run(replace(self.settings, watch=watch))
+        seconds = time.perf_counter() - start_s
+        scale = self.settings.scale
+        page = Page(entry=found, result=result, scale=scale, seconds=seconds, created=_now(), code=self.code)
+        page.write(self.settings.out)
+        return page
+
+    def kept(self, found: Entry) -> Page | None:
+        """What an earlier run of the same code and scale left."""
+        page = Page.read(self.settings.out, found)
+        same = page is not None and (page.code, page.scale) == (self.code, self.settings.scale)
+        return page if same else None
+
+
+def _all(task: _Task, again: bool) -> None:
+    entries = [found for found in map(_entry, names()) if not found.experiment.apart]
+    pages = []
+    for number, found in enumerate(entries, start=1):
+        page = None if again else task.kept(found)
+        err.print(escape(f"{number}/{len(entries)} {found.name}{': kept from before' if page else ''}"))
+        pages.append(page or task.run(found))
+        _print_judged(pages[-1])
+    overview = Overview(pages=tuple(pages), scale=task.settings.scale, created=_now())
+    written = overview.write(task.settings.out)
+    counted = f"{overview.count('met')} met, {overview.count('missed')} missed"
+    files = " and ".join(map(str, written))
+    out.print(escape(f"{counted}; {duration(overview.seconds)} of work; written to {files}"))
+
+
+def _print_judged(page: Page) -> None:
+    stamp(page.result.virtual)
+    out.print(f"[bold]{escape(page.entry.experiment.title)}[/]")
+    for table in page.result.judged_tables():
         out.print()
         _print_table(table)
     out.print()
-    for note in result.notes:
+
+
+def _print_page(page: Page, folder: Path) -> None:
+    result = page.result
+    stamp(result.virtual)
+    out.print(f"[bold]{escape(page.entry.experiment.title)}[/]")
+    for table in (*result.tables, *result.judged_tables()):
+        out.print()
+        _print_table(table)
+    out.print()
+    for note in (*result.assumed, *result.notes):
         out.print(escape(note))
+    name = page.entry.name
+    out.print(escape(f"{duration(page.seconds)}; written to {folder / name}.json and {folder / name}.html"))
 
 
 def _print_table(table: Table) -> None:

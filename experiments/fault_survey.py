@@ -41,7 +41,7 @@ from experiments.survey.limits import Commanded, commanded
 KILL_SEEDS = (101, 102, 103)
 KILL_POINTS = 3  # with standby, no load and references: seven rows of twelve places each
 RANDOM_KILLS = 20
-ROUNDS = 3  # of every script, on as many seeds
+ROUNDS = 4  # of every script, on as many seeds
 STRIKES = 40
 LATE_EXCHANGES = 10_000
 TIMED_POINTS = 200
@@ -267,4 +267,6 @@ def _notes(found: Survey) -> Iterator[str]:
         )
 
 
-EXPERIMENT = Experiment(title="Fault survey: kills, faults, late replies, limits, databases", run=run)
+EXPERIMENT = Experiment(
+    title="Fault survey: kills, faults, late replies, limits, databases", run=run, apart=True
+)

@@ -112,4 +112,6 @@ def _surrogate(model: Model, measured_points: int) -> StagedModel:
     return train(D2EA, measured.loaded(), simulated_table(model), model, seed=SEED).model
 
 
-EXPERIMENT = Experiment(title="Benchmark: the search for D1 and D2 against the exact optimum", run=run)
+EXPERIMENT = Experiment(
+    title="Benchmark: the search for D1 and D2 against the exact optimum", run=run, apart=True
+)

@@ -68,4 +68,4 @@ def _parts(settings: Settings) -> dict[str, Callable[[], Findings]]:
     }
 
 
-EXPERIMENT = Experiment(title="Benchmark: the simulator against its bars", run=run, parts=PARTS)
+EXPERIMENT = Experiment(title="Benchmark: the simulator against its bars", run=run, parts=PARTS, apart=True)

@@ -1,6 +1,6 @@
-"""Boosted regression trees of (D1, D2, power): XGBoost with fixed settings, and their leaves as boxes.
+"""Boosted regression trees of (D1, D2, power) or more: XGBoost with fixed settings, and their leaves as boxes.
 
-An ensemble is a sum over trees, each constant on boxes of (D1, D2, power):
+An ensemble is a sum over trees, each constant on boxes of its inputs, here of the usual three:
 
     y(x) = base + Σ_l leaf_l(x),    x = (D1, D2, power_W) in single precision
 
@@ -12,7 +12,8 @@ points that were not fitted.
 """
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -46,9 +47,9 @@ XGBOOST_I = BoostSettings(depth=11, trees=140, l2=1.0, rate=0.05)  # Table III, 
 XGBOOST_II = BoostSettings(depth=9, trees=94, l2=0.01, rate=0.1)  # Table III, on measured - XGBoost-I
 
 
-def design(D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> tuple[NDArray[np.float32], tuple[int, ...]]:
-    """Rows (N, 3) of single-precision inputs, and the broadcast shape they came from."""
-    columns = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (D1, D2, power_W)))
+def design(*inputs: ArrayLike) -> tuple[NDArray[np.float32], tuple[int, ...]]:
+    """Rows (N, inputs) of single-precision inputs, and the broadcast shape they came from."""
+    columns = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in inputs))
     rows = np.stack([c.ravel() for c in columns], axis=1).astype(np.float32)
     return rows, columns[0].shape
 
@@ -70,7 +71,10 @@ class LeafBoxes:
 
 
 class BoostedTrees:
-    """One trained ensemble; ``predict`` is deterministic and keeps the shape of its inputs."""
+    """One trained ensemble; ``predict`` is deterministic and keeps the shape of its inputs.
+
+    Its inputs are ``FEATURES``, and in their order whatever it was trained with beyond them.
+    """
 
     def __init__(self, booster: xgboost.Booster, settings: BoostSettings) -> None:
         self.settings = settings
@@ -81,12 +85,15 @@ class BoostedTrees:
 
     @classmethod
     def fit(
-        cls, inputs: tuple[ArrayLike, ArrayLike, ArrayLike], target: ArrayLike, settings: BoostSettings
+        cls, inputs: Sequence[ArrayLike], target: ArrayLike, settings: BoostSettings, more: Sequence[str] = ()
     ) -> Self:
-        """Train on ``inputs`` = (D1, D2, power_W) and ``target``, all (N,).
+        """Train on ``inputs`` = (D1, D2, power_W) and ``target``, all (N,); ``more`` names further inputs.
 
-        Raises ValueError when there is no row, or a number is not finite.
+        Raises ValueError when there is no row, an input has no name, or a number is not finite.
         """
+        names = [*FEATURES, *more]
+        if len(inputs) != len(names):
+            raise ValueError(f"{len(inputs)} inputs for the names {', '.join(names)}")
         rows, _ = design(*inputs)
         y = np.asarray(target, dtype=np.float64).ravel()
         if len(y) == 0 or len(y) != len(rows):
@@ -104,17 +111,25 @@ class BoostedTrees:
             "seed": settings.seed,
             "nthread": settings.threads,
         }
-        data = xgboost.DMatrix(rows, y, feature_names=list(FEATURES), nthread=settings.threads)
+        data = xgboost.DMatrix(rows, y, feature_names=names, nthread=settings.threads)
         return cls(xgboost.train(parameters, data, num_boost_round=settings.trees), settings)
 
-    def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+    def predict(self, *inputs: ArrayLike) -> Floats:
         """Sum of all trees at points that broadcast; same shape out."""
-        rows, shape = design(D1, D2, power_W)
+        rows, shape = design(*inputs)
         out = self._booster.inplace_predict(rows, validate_features=False)
         return np.asarray(out, dtype=np.float64).reshape(shape)
 
+    def first(self, trees: int) -> Self:
+        """The ensemble of the first so many trees: what training would have given that stopped there."""
+        if not 1 <= trees <= self.settings.trees:
+            raise ValueError(f"trees is {trees}; the ensemble has {self.settings.trees}")
+        return type(self)(self._booster[:trees], replace(self.settings, trees=trees))
+
     def boxes(self) -> LeafBoxes:
-        """Every leaf of every tree as a box of (D1, D2, power_W)."""
+        """Every leaf of every tree as a box of (D1, D2, power_W); ValueError for a model of further inputs."""
+        if self._booster.num_features() != len(FEATURES):
+            raise ValueError(f"boxes are of {', '.join(FEATURES)}; this model has further inputs")
         learner = json.loads(self._booster.save_raw("json"))["learner"]
         trees = learner["gradient_booster"]["model"]["trees"]
         base = float(learner["learner_model_param"]["base_score"].strip("[]"))

@@ -18,16 +18,22 @@ from models.feasibility import FeasibleMap
 from models.surrogate import EfficiencyModel, StagedModel
 
 Indices = NDArray[np.intp]
+NEAR = 1e-4  # of efficiency: 0.01 points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExactOptimum:
-    """Best D1, D2 and the model's value per load (L,); NaN where no rectangle carries the load."""
+    """Best D1, D2 and the model's value per load (L,); NaN where no rectangle carries the load.
+
+    ``near_share`` (L,) is the share of the square whose value is within ``NEAR`` of the best: the target that a search
+    has to hit. ``cells`` counts the rectangles looked at, over all loads.
+    """
 
     D1: Floats
     D2: Floats
     value: Floats
-    cells: int  # rectangles looked at, over all loads
+    near_share: Floats
+    cells: int
 
 
 def ensembles(model: EfficiencyModel) -> tuple[BoostedTrees, ...] | None:
@@ -47,27 +53,30 @@ def exact_optimum(model: EfficiencyModel, feasible: FeasibleMap) -> ExactOptimum
         raise TypeError("the exact optimum needs a model whose stages are all tree ensembles")
     boxes = [ensemble.boxes() for ensemble in trees]
     best = [_best_at(boxes, feasible, load) for load in range(len(feasible.loads_W))]
-    D1, D2 = (np.array([row[k] for row in best]) for k in (0, 1))
+    D1, D2, near_share = (np.array([row[k] for row in best]) for k in range(3))
     reached = np.isfinite(D1)
     value = np.full(len(D1), np.nan)
     value[reached] = model.predict(D1[reached], D2[reached], feasible.loads_W[reached])
-    return ExactOptimum(D1=D1, D2=D2, value=value, cells=sum(row[2] for row in best))
+    return ExactOptimum(D1=D1, D2=D2, value=value, near_share=near_share, cells=sum(row[3] for row in best))
 
 
-def _best_at(boxes: Sequence[LeafBoxes], feasible: FeasibleMap, load: int) -> tuple[float, float, int]:
+def _best_at(boxes: Sequence[LeafBoxes], feasible: FeasibleMap, load: int) -> tuple[float, float, float, int]:
+    """D1 and D2 of the best, the share of the square that is as good, and rectangles looked at."""
     low, high, value, base = _merged([b.at_power(feasible.loads_W[load]) for b in boxes])
     D1_thresholds, D2_thresholds = (_thresholds(low[:, k], high[:, k]) for k in (0, 1))
     table = base + _table((low, high, value), D1_thresholds, D2_thresholds)
-    D1 = _representatives(D1_thresholds, feasible.D1_edges)
-    D2 = _representatives(D2_thresholds, feasible.D2_edges)
+    breaks = [_breaks(D1_thresholds, feasible.D1_edges), _breaks(D2_thresholds, feasible.D2_edges)]
+    D1, D2 = ((b[:-1] + b[1:]) / 2 for b in breaks)  # one point in every interval
     rows, columns = feasible.index(D1, D2)
     D1, D2 = feasible.snap(D1, D2)
     efficiency = table[np.ix_(_in_trees(D1_thresholds, D1), _in_trees(D2_thresholds, D2))]
     allowed = feasible.cells[load][np.ix_(rows, columns)]
     if not allowed.any():
-        return np.nan, np.nan, efficiency.size
-    i, j = np.unravel_index(np.argmax(np.where(allowed, efficiency, -np.inf)), efficiency.shape)
-    return float(D1[i]), float(D2[j]), efficiency.size
+        return np.nan, np.nan, 0.0, efficiency.size
+    reachable = np.where(allowed, efficiency, -np.inf)
+    i, j = np.unravel_index(np.argmax(reachable), efficiency.shape)
+    near = np.outer(*map(np.diff, breaks))[reachable >= reachable[i, j] - NEAR]
+    return float(D1[i]), float(D2[j]), float(near.sum()), efficiency.size
 
 
 def _merged(boxes: Sequence[LeafBoxes]) -> tuple[Floats, Floats, Floats, float]:
@@ -107,8 +116,7 @@ def _in_trees(thresholds: Floats, x: Floats) -> Indices:
     return np.searchsorted(thresholds, x.astype(np.float32).astype(np.float64), side="right")
 
 
-def _representatives(thresholds: Floats, edges: Floats) -> Floats:
-    """One point in every interval between thresholds and lattice edges inside the box."""
+def _breaks(thresholds: Floats, edges: Floats) -> Floats:
+    """Thresholds and lattice edges inside the box, sorted."""
     inside = thresholds[(thresholds > edges[0]) & (thresholds < edges[-1])]
-    breaks = np.unique(np.concatenate([edges, inside]))
-    return np.asarray((breaks[:-1] + breaks[1:]) / 2, dtype=np.float64)
+    return np.unique(np.concatenate([edges, inside]))

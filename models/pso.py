@@ -11,6 +11,9 @@ Eq. (8) as printed exchanges vl_min and vl_max and runs from 0.20 to 0.54 instea
 ``printed_limit`` keeps it for comparison. A velocity beyond ±VL is clamped to it when f >= 0.5 and redrawn
 uniformly in ±VL otherwise; a coordinate that leaves the box is redrawn in it. ω falls linearly.
 
+``share_every`` is beyond the paper: every so many iterations the two particles that found least are put where the
+swarms of the neighbouring problems found most, for loads side by side have optima side by side. It costs nothing more.
+
 Assumptions: the swarm starts on allowed points (up to ``START_DRAWS`` uniform draws each); an iteration is
 one evaluation of every particle, so that 50 iterations of 10 particles are 500 evaluations per load.
 """
@@ -121,6 +124,7 @@ class ParticleSwarm:
     iterations: int = 50
     learning: float = 2.05
     inertia: tuple[float, float] = (0.9, 0.1)
+    share_every: int | None = None
 
     def maximise(self, problem: Problem, *, seed: int) -> Optimum:
         """All problems move together: one evaluation call per iteration."""
@@ -128,7 +132,7 @@ class ParticleSwarm:
         x = _start(problem, self.particles, rng)
         v = rng.uniform(-1.0, 1.0, x.shape) * self.limit(np.ones(problem.count))[:, None, None]
         own, own_value = x.copy(), problem.value(x)
-        for inertia in np.linspace(*self.inertia, self.iterations - 1):
+        for turn, inertia in enumerate(np.linspace(*self.inertia, self.iterations - 1)):
             best = own_value.argmax(axis=1)
             f = evolutionary_state(x, best)
             leader = np.take_along_axis(own, best[:, None, None], axis=1)
@@ -137,6 +141,8 @@ class ParticleSwarm:
             v = self._limited(v, f, rng)
             x = x + v
             x = np.where((x < 0) | (x > 1), rng.random(x.shape), x)
+            if self.share_every is not None and turn % self.share_every == 0:
+                _take_over(x, own_value, leader[:, 0])
             value = problem.value(x)
             better = value > own_value
             own, own_value = np.where(better[..., None], x, own), np.where(better, value, own_value)
@@ -244,6 +250,13 @@ def _better(problem: Problem, tried: Floats, x: Floats, value: Floats) -> tuple[
     return np.where(better[:, None], tried[rows, best], x), np.where(better, tried_value[rows, best], value)
 
 
+def _take_over(x: Floats, own_value: Floats, leader: Floats) -> None:
+    """Put the two worst particles of every problem where the leaders of its two neighbours are."""
+    worst, rows = own_value.argsort(axis=1), np.arange(len(x))
+    for place, neighbour in enumerate((rows - 1, rows + 1)):
+        x[rows, worst[:, place]] = leader[np.clip(neighbour, 0, rows[-1])]
+
+
 def _start(problem: Problem, particles: int, rng: np.random.Generator) -> Floats:
     """Uniform positions (count, particles, 2), redrawn while they are not allowed."""
     x = rng.random((problem.count, particles, 2))
@@ -258,10 +271,14 @@ def _start(problem: Problem, particles: int, rng: np.random.Generator) -> Floats
 PSO_SAVL = ParticleSwarm(name="PSO-SAVL", limit=savl_limit, redraw=True)
 PSO_SAVL_PRINTED = ParticleSwarm(name="PSO-SAVL, eq. (8) as printed", limit=printed_limit, redraw=True)
 PSO_SAVL_POLISHED = Polished(search=PSO_SAVL)
+PSO_SAVL_SHARED = ParticleSwarm(
+    name="PSO-SAVL, leaders shared between loads", limit=savl_limit, redraw=True, share_every=5
+)
 PLAIN_PSO = ParticleSwarm(name="plain PSO", limit=constant_limit, redraw=False)
 OPTIMISERS: tuple[Optimiser, ...] = (
     PSO_SAVL,
     PSO_SAVL_PRINTED,
+    PSO_SAVL_SHARED,
     PLAIN_PSO,
     DifferentialEvolution(),
     PSO_SAVL_POLISHED,

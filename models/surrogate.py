@@ -32,7 +32,7 @@ Simulator = Callable[[Floats, Floats, Floats], Floats]
 class EfficiencyModel(Protocol):
     """Anything that predicts efficiency: a fraction, over inputs that broadcast; NaN where it cannot."""
 
-    def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+    def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike, /) -> Floats:
         """Efficiency as a fraction, of the inputs' broadcast shape."""
         ...
 

@@ -32,6 +32,9 @@ def demo(
             metavar="EFFECT[=VALUE]", help="what the lab hides; without it the seed chooses an effect"
         ),
     ] = None,
+    figures: Annotated[
+        bool, typer.Option("--figures", help="the report's figures as PNG for a paper, too")
+    ] = False,
 ) -> None:
     """Run the main loop on the mock bench: measure, simulate, learn, optimise, diagnose, report."""
     from bench.demo import DemoPlan, run_demo, summary_of  # here: only this verb loads the mocks
@@ -43,7 +46,7 @@ def demo(
         result = run_demo(plan, say=lambda said: err.print(escape(said)), progress=progress)
     summary = summary_of(result)
     write_atomically(out_dir / "summary.json", json.dumps(summary, indent=1, allow_nan=False, default=float))
-    _write_report(out_dir, result, summary)
+    _write_report(out_dir, result, summary, figures=figures)
     _tell(summary, out_dir)
 
 
@@ -55,8 +58,9 @@ def drawn_effect(seed: int) -> dict[str, float | None]:
     return {names[int(np.random.default_rng([seed, 3]).integers(len(names)))]: None}
 
 
-def _write_report(out_dir: Path, result: Any, summary: dict[str, Any]) -> None:
+def _write_report(out_dir: Path, result: Any, summary: dict[str, Any], *, figures: bool) -> None:
     from bench.figures import overview_png
+    from bench.paper_figures import write_figures
     from bench.report import ReportData, write_report
 
     report = result.campaigns[-1].power_off
@@ -75,6 +79,8 @@ def _write_report(out_dir: Path, result: Any, summary: dict[str, Any]) -> None:
     )
     write_report(out_dir / "report.html", data)
     overview_png(out_dir / "overview.png", data)
+    if figures:
+        write_figures(out_dir / "figures", data)
 
 
 def _tell(summary: dict[str, Any], out_dir: Path) -> None:

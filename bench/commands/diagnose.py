@@ -1,6 +1,7 @@
 """The verb diagnose: what the simulation gets wrong, why, how sure, what to do."""
 
 import json
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ from rich.table import Table
 from bench.commands.campaigns import read_measurements
 from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
+from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
 from bench.model_file import write_model
 from bench.prediction import model_from
@@ -56,12 +58,21 @@ def diagnose(
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
         write_atomically(path, text)
-    write_table(found.residual_table(), out_dir / "residuals.csv")
+    residuals = found.residual_table()
+    write_table(residuals, out_dir / "residuals.csv")
+    page = DiagnosisPage(
+        source=f"campaign {data}" if data.isdigit() else data,
+        virtual=virtual,
+        created=f"{datetime.now():%Y-%m-%d %H:%M}",
+        diagnosis=plain,
+        residuals=residuals,
+    )
+    write_diagnosis_page(out_dir / "diagnosis.html", page)
     if campaign_id is not None:
         with Store(database_url(db)) as store:
             store.add_diagnosis(plain, campaign_id=campaign_id)
     tell(plain)
-    out.print(escape(f"written to {out_dir}: diagnosis.json, model.toml, residuals.csv"))
+    out.print(escape(f"written to {out_dir}: diagnosis.html, diagnosis.json, model.toml, residuals.csv"))
 
 
 def measured(data: str, db: str | None) -> Any:

@@ -124,7 +124,7 @@ def frame(desk: Desk, path: str) -> Iterator[Callable[[Callable[[], None]], None
             problem.show(overview.problem)
             shown = banner(overview)
             top.show(shown)
-            ui.page_title(f"UNSAFE – {shown.title}" if shown.level == "unsafe" else f"{shown.title} – d2ea")
+            ui.page_title(f"{shown.title} – d2ea")
 
         def live(refresh: Callable[[], None]) -> None:
             def both() -> None:

@@ -40,6 +40,7 @@ class Address:
             found = socket.socket(family, socket.SOCK_STREAM)
             found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             found.bind((self.host, self.port))
+            found.listen()  # who is told the address can connect to it
         except OSError as error:
             raise InputError.of(
                 "command line",

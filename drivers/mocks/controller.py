@@ -9,6 +9,8 @@ from collections.abc import Callable, Collection
 from itertools import pairwise
 from typing import Protocol
 
+import numpy as np
+
 from drivers.clock import Clock
 from drivers.controller_messages import (
     APPLIED,
@@ -34,6 +36,7 @@ from drivers.controller_messages import (
 )
 from drivers.errors import ReplyError
 from drivers.frames import DELIMITER, LONGEST_PAYLOAD, Frame, decode, encode
+from sim.modulation import outside_modulation
 
 MISSED_BEATS = 4  # so many, and the PWM trips
 SHORTEST_PERIOD_MS, LONGEST_PERIOD_MS = 10, 60_000
@@ -67,6 +70,8 @@ class ControllerPlant(Protocol):
 
     @property
     def clock(self) -> Clock: ...
+    @property
+    def modulations(self) -> Collection[str]: ...
     def set_bridge(self, *, pwm: bool, D1: float, D2: float, mode: str) -> None: ...
     def collapse(self) -> None: ...
     def state(self) -> BridgeState: ...
@@ -83,7 +88,8 @@ class MockController:
     ----------
     counts : PWM counts in half a switching period.
     dead_time : in half periods; a pulse or zero state that is shorter cannot be made.
-    modes : the modulations that the converter behind it has.
+
+    It has the modulations of the converter behind it.
     """
 
     def __init__(
@@ -93,13 +99,12 @@ class MockController:
         identity: str = "d2ea,virtual controller,0,1.0",
         counts: int = 2500,
         dead_time: float = 0.016,
-        modes: Collection[str] = ("hybrid",),
     ) -> None:
         self._plant = plant
         self._identity = identity
         self._counts = counts
         self._dead_counts = round(dead_time * counts)
-        self._modes = {MODES.index(mode) for mode in modes}
+        self._modes = {MODES.index(mode) for mode in plant.modulations}
         self._received = bytearray()
         self._last_sequence: int | None = None
         self._armed = self._pwm = self._follow = False
@@ -211,7 +216,7 @@ class MockController:
         mode, D1, D2 = SET_MODULATION.unpack(payload)
         if mode not in self._modes:
             raise Refusal(Reason.UNKNOWN_MODE)
-        duties = self._quantised(D1, D2)
+        duties = self._quantised(mode, D1, D2)
         self._mode, self._duties, self._follow = mode, duties, False
         self._drive()
         return APPLIED.pack(mode, *duties)
@@ -263,7 +268,7 @@ class MockController:
             raise Refusal(Reason.BAD_TABLE)
         held = []
         for row in rows:
-            n1, n2 = self._quantised(row.D1, row.D2)
+            n1, n2 = self._quantised(mode, row.D1, row.D2)
             held.append(TableRow(power_W=row.power_W, D1=n1 / self._counts, D2=n2 / self._counts))
         self._table = mode, tuple(held)
         self._follow = False
@@ -302,13 +307,16 @@ class MockController:
             pwm=self._pwm, D1=n1 / self._counts, D2=n2 / self._counts, mode=MODES[self._mode]
         )
 
-    def _quantised(self, D1: float, D2: float) -> tuple[int, int]:
-        """D1 and D2 in PWM counts, if the bridges can make them."""
+    def _quantised(self, mode: int, D1: float, D2: float) -> tuple[int, int]:
+        """D1 and D2 in PWM counts, if the bridges can make them and the modulation has them."""
         if not (0.0 <= D1 <= 1.0 and 0.0 <= D2 <= 1.0):
             raise Refusal(Reason.OUT_OF_RANGE)
         duties = round(D1 * self._counts), round(D2 * self._counts)
         if duties != self._makeable(*duties):
             raise Refusal(Reason.PULSE_TOO_SHORT)
+        applied = (np.array([count / self._counts]) for count in duties)
+        if outside_modulation(MODES[mode], *applied)[0]:
+            raise Refusal(Reason.OUT_OF_RANGE)
         return duties
 
     def _makeable(self, n1: int, n2: int) -> tuple[int, int]:

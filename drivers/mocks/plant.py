@@ -7,7 +7,7 @@ only passes commands in and reads terminals out. The converter is the virtual la
 import threading
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -39,6 +39,7 @@ class Command:
     pwm: bool = False
     D1: float = 0.0
     D2: float = 0.0
+    modulation: str = "hybrid"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +107,11 @@ class Plant:
         lab = Laboratory.draw(seed=seed, hidden=hidden)
         return cls(lab, clock=StepClock() if clock is None else clock, seed=seed)
 
+    @property
+    def modulations(self) -> tuple[str, ...]:
+        """What its controller can modulate."""
+        return self.laboratory.converter.primary.modulations
+
     # commands
 
     def set_supply(self, *, on: bool, voltage_V: float, current_limit_A: float) -> None:
@@ -118,12 +124,13 @@ class Plant:
 
     def set_bridge(self, *, pwm: bool, D1: float, D2: float, mode: str = "hybrid") -> None:
         """What the controller applies; switching on clears the faults of before."""
-        if mode != "hybrid":
-            raise ValueError(f"this converter's controller modulates 'hybrid', not {mode!r}")
+        if mode not in self.modulations:
+            allowed = ", ".join(self.modulations)
+            raise ValueError(f"this converter's controller does not modulate {mode!r}; it has {allowed}")
         with self._lock:
             if pwm and not self._command.pwm:
                 self._faults = ()
-            self._set(pwm=pwm, D1=D1, D2=D2)
+            self._set(pwm=pwm, D1=D1, D2=D2, modulation=mode)
 
     def collapse(self) -> None:
         """The converter stops by itself, as it does where it cannot hold its output."""
@@ -131,9 +138,9 @@ class Plant:
             self._begin(self._command)
             self._faults = ("output_undervoltage",)
 
-    def _set(self, **changes: float | bool) -> None:
+    def _set(self, **changes: float | bool | str) -> None:
         with self._lock:
-            command = Command(**({f.name: getattr(self._command, f.name) for f in fields(Command)} | changes))
+            command = replace(self._command, **changes)  # type: ignore[arg-type]  # fields by their names
             if command != self._command:
                 self._begin(command)
 
@@ -164,7 +171,7 @@ class Plant:
 
     def _solve_start(self, command: Command, episode: _Episode) -> Electrical | None:
         """The circuit at the heat an episode starts from; trips where it cannot run."""
-        lab = self.laboratory
+        lab = self.laboratory.driven_by(command.modulation)
         demand, power = self._demand(command)
         first = lab.run(demand, power, episode.heat)
         if not first.running[0]:
@@ -178,7 +185,7 @@ class Plant:
 
     def _solve_end(self, command: Command, episode: _Episode, first: Electrical) -> Electrical:
         """The circuit at the heat an episode will settle at; the first one where it cannot run so hot."""
-        lab = self.laboratory
+        lab = self.laboratory.driven_by(command.modulation)
         demand, power = self._demand(command)
         ambient = lab.ambient_C(_one(episode.since_s))
         end = lab.final_heat(first.losses, ambient)

@@ -93,6 +93,11 @@ class SteadyPlant:
         self._since_s = 0.0
         self._known: Row | None = None
 
+    @property
+    def modulations(self) -> tuple[str, ...]:
+        """What its controller can modulate."""
+        return ("hybrid",)
+
     def set_supply(self, *, on: bool, voltage_V: float, current_limit_A: float) -> None:
         """What the dc supply is told."""
         self._set(replace(self._setting, supply_on=on, supply_V=voltage_V))

@@ -18,6 +18,7 @@ from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
 from models.diagnosis.setting import Setting, set_up
+from models.diagnosis.sight import Sight, sight
 from models.diagnosis.signatures import power_to_spare, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.verdict import Cause, Verdict, judge
@@ -49,13 +50,14 @@ class Diagnosis:
     gain: Gain | None
     next: list[NextMeasurement]
     unexplained: Unexplained | None
+    sight: list[Sight]
     extended: Model
     calibrated: CalibratedPhysics
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
 
     def residual_table(self) -> pd.DataFrame:
-        """Measured less simulated by row: the rows' set points and one column a channel."""
+        """Measured less simulated by row: the rows' set points, one column a channel, and what is left over."""
         columns = [c for c in ("point", "kind", "time_s", "D1", "D2", "P2_W") if c in self.observations.frame]
         table = self.observations.frame[columns].copy()
         for k, channel in enumerate(self.observations.channels):
@@ -63,6 +65,9 @@ class Diagnosis:
             table[f"residual_{channel.column}"] = np.nan
             rows = self.observations.row[mask]
             table.iloc[rows, table.columns.get_loc(f"residual_{channel.column}")] = self.residual[mask]  # type: ignore[index]
+        if self.unexplained is not None:
+            table["leftover_W"] = np.nan
+            table.iloc[self.unexplained.rows, table.columns.get_loc("leftover_W")] = self.unexplained.watts  # type: ignore[index]
         return table
 
     def as_plain(self, model_file: str | None = None) -> dict[str, Any]:
@@ -81,6 +86,7 @@ class Diagnosis:
             "next": [n.as_plain() for n in self.next],
             "gain": None if self.gain is None else self.gain.as_plain(),
             "model": model_file,
+            "sight": [s.as_plain() for s in self.sight],
             "noise": {n.channel: n.as_plain() for n in self.noise},
             "rejected_rows": self.rejected,
             "rejected_columns": [c.as_plain() for c in self.rejected_columns],
@@ -247,9 +253,10 @@ def diagnose(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
         )
     check_inputs(observations, baseline.converter)
-    check_set_points(observations, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
     whole, spare = observations, power_to_spare(observations, baseline)
+    if np.mean(spare) < 0.5:
+        check_set_points(observations, baseline)
     observations = observations.take(spare)
     known = signatures(observations, baseline, left_out)
     wrong, rejected_columns = implausible(observations, known.baseline)
@@ -288,6 +295,7 @@ def diagnose(
         gain=_gain(setting, hypotheses, verdict, seed),
         next=next_measurements(observations, rivals_of(hypotheses, refinery)),
         unexplained=nameless,
+        sight=sight(refinery),
         extended=_extended(baseline, verdict, chosen),
         calibrated=calibrate(refinery, chosen, setting.sigma),
         rejected=[*map(_plain_row, measurements.rejected), *rejected, *_outliers(setting)],

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 _LOOKS = 6  # a reading far off pulls the explanation towards it: it takes a few looks to see it alone
 _SETTLED = 0.1  # relative change of a standard deviation
+_LEADING = 4  # effects that are weighed beside leftovers for it
 _PROBES = 24  # random signs that estimate a trace to three per cent
 _SEED = 0  # of the probes
 
@@ -76,7 +77,9 @@ def _setting(
 def _left_out(setting: Setting) -> Array:
     """What the best explanation on tangents leaves of every reading, in sigmas, as if it had not been fitted, (M,)."""
     refinery = setting.refinery
-    best = weighed_with_leftovers(refinery, on_tangents(refinery))[0]
+    nothing, *tangents = on_tangents(refinery)
+    leading = sorted(tangents, key=lambda fit: -fit.log_evidence)[:_LEADING]
+    best = weighed_with_leftovers(refinery, [nothing, *leading])[0]
     own = best.fit.own(refinery.known)
     signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, setting.sigma.size))
     vectors = np.concatenate([(refinery.residual - best.fit.shift)[None], signs * setting.sigma])

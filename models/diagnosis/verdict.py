@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 SURE = 0.95
 _UNEXPLAINED = 4.0  # chi-squared per reading: noise that is understated by half leaves 2.3
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
-_ABOVE_LEFTOVER = 2.0  # times the leftover's length
+_ABOVE_LEFTOVER = 1.25  # times the leftover's length
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 

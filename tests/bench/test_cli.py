@@ -13,13 +13,15 @@ import pytest
 from bench import cli
 from bench.errors import BenchUnsafe, InputError
 from bench.hidden import parse_hidden
+from bench.process import Owner
+from bench.store import Provenance, Store, database_url
 from bench.toml_file import read_toml, to_toml
 from drivers.errors import LinkTimeout
 from tests.bench.fake_bench import BENCH, CAMPAIGN
 
 VERBS = (
     "mock", "check", "run", "status", "runs", "pause", "resume", "abort", "export", "import",
-    "simulate", "train", "optimise", "models",
+    "simulate", "train", "optimise", "models", "clear", "queue",
 )  # fmt: skip
 
 
@@ -214,6 +216,84 @@ def test_mock_listens_until_it_is_ended_and_takes_its_file_away() -> None:
         rack.send_signal(signal.SIGTERM)
         assert rack.wait(timeout=20) == 0
     assert not Path("rack.toml").exists()
+
+
+def test_a_rehearsal_needs_no_instruments_and_lists_its_faults(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("faults.toml").write_text('[[fault]]\ninstrument = "load"\nkind = "silence"\nafter = 40\n')
+    plan = {"kind": "latin_hypercube", "points": 1, "standby": 1, "no_load": 0}
+    arguments = (
+        "run",
+        campaign_file(plan=plan),
+        "--bench",
+        bench_file(),
+        "--rehearse",
+        "--fault",
+        "faults.toml",
+    )
+    assert d2ea(*arguments) == 0
+    said = capsys.readouterr().out
+    assert "VIRTUAL LAB" in said
+    assert "fault: silence at the load" in said
+    assert not Path("d2ea-data").exists()
+
+
+def test_faults_are_refused_on_a_real_run(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("faults.toml").write_text("")
+    assert d2ea("run", campaign_file(), "--bench", bench_file(), "--fault", "faults.toml") == 2
+    assert "faults are for --rehearse" in capsys.readouterr().err
+
+
+def unsafe_bench() -> None:
+    with Store(database_url()) as store:
+        provenance = Provenance(config={}, config_hash="", virtual=True, bench="fake bench")
+        campaign_id = store.create_campaign("c", provenance, [])
+        store.benches.take("fake bench", virtual=True, campaign_id=campaign_id, owner=Owner.here())
+        store.benches.energise("fake bench", {**BENCH, "limits": {**BENCH["limits"], "again_s": 0}})  # type: ignore[dict-item]
+        store.benches.latch("fake bench", "load NOT confirmed off")
+
+
+def test_unsafe_is_shown_and_refuses_with_its_own_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
+    unsafe_bench()
+    assert d2ea("run", campaign_file(), "--bench", bench_file()) == 3
+    assert "load NOT confirmed off" in capsys.readouterr().err
+    assert d2ea("status") == 0
+    assert "UNSAFE since" in capsys.readouterr().out
+
+
+def test_clear_believes_only_what_is_read_back_or_an_operator(capsys: pytest.CaptureFixture[str]) -> None:
+    unsafe_bench()
+    assert d2ea("clear") == 3  # nothing of this bench can be reached
+    assert "say --seen-off once you have seen that it is" in capsys.readouterr().err
+    assert d2ea("clear", "--seen-off") == 0
+    assert d2ea("clear") == 1
+    assert "there is nothing to clear" in capsys.readouterr().err
+
+
+def test_a_stopped_campaign_is_found_by_resume(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("resume") == 1
+    assert "nothing to resume" in capsys.readouterr().err
+    d2ea("run", campaign_file(), "--bench", bench_file())  # fails: there are no instruments
+    capsys.readouterr()
+    assert d2ea("resume") == 1
+    said = capsys.readouterr()
+    assert "campaign 1 was failed; 0 of" in said.out
+    assert "cannot open" in said.err
+
+
+def test_the_queue_is_filled_listed_and_emptied(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("queue", "add", campaign_file(schedule={"every": "6 h"}), "--bench", bench_file()) == 0
+    assert d2ea("queue", "list") == 0
+    assert "six points" in capsys.readouterr().out
+    assert d2ea("queue", "remove", "1") == 0
+    assert d2ea("queue", "run", "--until-empty") == 0
+    assert d2ea("queue", "remove", "1") == 1
+
+
+def test_a_password_is_refused_as_an_argument(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("runs", "--db", "postgresql://lab:secret@host/db") == 2
+    said = capsys.readouterr().err
+    assert "D2EA_DB" in said
+    assert "secret" not in said
 
 
 def test_the_shell_completes_commands_and_options(

@@ -76,7 +76,7 @@ int main(void) {
 """
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="missing program: gcc")
 @pytest.mark.parametrize("standard", ["c99", "c17"])
 def test_firmware_interpolates_as_the_table_says(tmp_path: Path, standard: str) -> None:
     write_lut(LUT, tmp_path / "lut.h", ORIGIN)

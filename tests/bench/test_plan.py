@@ -122,3 +122,22 @@ def test_points_predicted_beyond_the_limits_are_left_out_and_counted() -> None:
     # a rise of 65 K with a quarter more than predicted: 0.04 K/W · 1.25 · power at most 65 K
     assert 1200.0 < max(row.power_W for row in made.points) <= 1300.0
     assert made.infeasible["predicted T_heatsink_C too near its limit or above it"] > 0
+
+
+def test_points_beyond_a_fixed_range_or_the_links_peak_are_left_out_with_the_reason() -> None:
+    analyzer = {"resource": "fake", "ranges": {"U1": 300.0, "I2": 5.0}}
+    limits = {"voltage_V": 320, "current_A": 10, "power_W": 2200, "output_voltage_V": 160, "link_peak_A": 9.0}
+
+    def with_link(asked: Asked) -> Forecast:
+        forecast = predict(asked)
+        return replace(forecast, columns=forecast.columns | {"I_L_pp_A": 20.0 * asked.D1})
+
+    campaign = campaign_config(plan={"kind": "latin_hypercube", "points": 20})
+    made = make_plan(
+        campaign, bench_config(analyzer=analyzer, limits=limits), with_link, file="campaign.toml"
+    )
+    loaded = [row for row in made.points if row.kind is Kind.LOAD]
+    assert max(row.power_W for row in loaded) <= 5.0 * 140.0
+    assert max(row.D1 for row in loaded) <= 0.9  # half of 20 A times D1 at 9 A
+    assert {"predicted I2_A too near the analyzer's range or above it",
+            "predicted I_L_peak_A too near its limit or above it"} <= set(made.infeasible)  # fmt: skip

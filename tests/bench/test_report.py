@@ -10,10 +10,12 @@ import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
+from playwright.sync_api import sync_playwright
 
 from bench.bands import power_bands
 from bench.charts import channel_residuals, efficiency_maps, loss_breakdown
 from bench.figures import overview_png
+from bench.paper_figures import write_figures
 from bench.report import ReportData, actions, write_report
 
 CAUSE = {
@@ -149,10 +151,11 @@ def test_numbers_are_those_of_the_data(data, tmp_path):
 def test_actions_follow_the_verdict(data):
     assert actions(data) == [
         "Check link resistance: measure the ac link with four wires.",
+        "Measure next: standby (about 1.5 min), to settle auxiliary power.",
         "Simulate with the extended model from now on: out/model.toml.",
     ]
-    tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group"}))
-    assert tied[-1] == "Measure next: standby (about 1.5 min), to tell auxiliary power apart."
+    tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": []}))
+    assert tied == ["Check link resistance: measure the ac link with four wires."]
     assert "Nothing needs changing" in actions(replace(data, diagnosis=MINIMAL))[0]
 
 
@@ -266,3 +269,36 @@ def test_a_browser_draws_every_chart(data, tmp_path):
         done.stdout,
     )
     assert {a or b for a, b in drawn} == {"gain", "errors", "optimum", "maps", "channels", "losses"}
+
+
+def test_figures_for_a_paper_are_pictures_of_column_width(data, tmp_path):
+    files = write_figures(tmp_path, data)
+    assert [file.stem for file in files] == ["maps", "model_errors", "optimum", "residuals", "losses", "gain"]
+    widths = {file.stem: matplotlib.image.imread(file).shape[1] for file in files}
+    for name, width_mm in (("optimum", 88), ("maps", 181)):
+        assert abs(widths[name] - width_mm / 25.4 * 300) <= 1  # rounded to whole pixels
+
+
+def test_figures_that_the_data_do_not_allow_are_left_out(data, tmp_path):
+    bare = replace(data, losses=data.losses.iloc[:0], summary={}, diagnosis=MINIMAL)
+    assert [file.stem for file in write_figures(tmp_path, bare)] == ["maps", "residuals"]
+
+
+def test_it_prints_on_paper_with_every_table_open(data, tmp_path):
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("missing program: chromium")
+    write_report(tmp_path / "report.html", data)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 900}, color_scheme="dark")
+        page.goto(f"file://{tmp_path}/report.html")
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        page.emulate_media(media="print")
+        wide = "els => els.filter(el => el.getBoundingClientRect().width > 700).length"
+        assert page.locator(".chart .main-svg").evaluate_all(wide) == 0
+        assert page.locator("details:not([open])").count() == 0
+        assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+        page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+        assert page.locator("details[open]").count() == 0
+        browser.close()

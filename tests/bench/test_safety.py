@@ -1,13 +1,19 @@
 """Decisions are pure; the way to off is ordered, tried twice, and honest."""
 
 import math
+import threading
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.errors import LimitReached
+from bench.leftovers import discharged
 from bench.safety import Limits, Readings, Step, decide, power_off
-from tests.bench.fake_bench import bench_config
+from drivers.clock import StepClock
+from drivers.errors import ReadbackError
+from drivers.reading import Quality, Reading
+from tests.bench.fake_bench import BENCH, FakeInstruments, bench_config
 
 LIMITS = Limits.of(bench_config().limits, bench_config().converter)
 GOOD = {
@@ -96,3 +102,66 @@ def test_a_step_that_works_the_second_time_is_confirmed() -> None:
             raise error
 
     assert power_off([Step(name="PWM", act=step)]).safe
+
+
+def test_a_step_that_hangs_is_left_behind_and_the_next_one_taken() -> None:
+    release, done = threading.Event(), []
+    steps = [
+        Step(name="PWM", act=lambda: release.wait(30) and None, deadline_s=0.05),
+        Step(name="load", act=lambda: done.append("load")),
+    ]
+    report = power_off(steps, again_s=0.0)
+    release.set()
+    assert done == ["load"]
+    assert str(report) == "PWM NOT confirmed off: no answer within 0.05 s; load off"
+
+
+def test_a_step_that_failed_is_taken_again_after_all_the_others() -> None:
+    order: list[str] = []
+
+    def plugged_in_late() -> None:
+        order.append("PWM")
+        if order.count("PWM") < 4:
+            raise OSError("unplugged")
+
+    steps = [Step(name="PWM", act=plugged_in_late), Step(name="load", act=lambda: order.append("load"))]
+    assert power_off(steps, again_s=5.0).safe
+    assert order[:3] == ["PWM", "PWM", "load"]
+
+
+class Terminals:
+    """A supply or load whose terminals discharge by half with each look."""
+
+    def __init__(self, voltage_V: float, *, quality: Quality = Quality.GOOD) -> None:
+        self.voltage_V, self.quality = voltage_V, quality
+
+    def actual(self) -> dict[str, Reading]:
+        self.voltage_V /= 2
+        return {"U": Reading(value=self.voltage_V, unit="V", time_s=0.0, quality=self.quality)}
+
+
+def test_discharged_is_said_when_both_ports_are_below_the_safe_voltage() -> None:
+    clock = StepClock()
+    discharged(bench_config(), Terminals(300.0), Terminals(140.0), clock)  # type: ignore[arg-type]
+    assert 0.5 <= clock.now() <= 1.5  # 300 V, 150, 75, 37.5: three looks, half a second apart
+
+
+@pytest.mark.parametrize("quality", [Quality.GOOD, Quality.OVERRANGE])
+def test_a_port_that_stays_high_or_unknown_is_not_discharged(quality: Quality) -> None:
+    high = Terminals(1e12 if quality is Quality.GOOD else 50.0, quality=quality)
+    config = bench_config(limits={**BENCH["limits"], "discharge_s": 3})  # type: ignore[dict-item]
+    with pytest.raises(ReadbackError, match=r"input at .* after 3 s; safe is 60 V"):
+        discharged(config, high, Terminals(1.0), StepClock())  # type: ignore[arg-type]
+
+
+def test_a_bench_that_tripped_stays_tripped() -> None:
+    fake = FakeInstruments()
+    bench = fake.bench(bench_config())
+    bench.power_up()
+    fake.alarms = (("supply", "OVP"),)
+    with pytest.raises(LimitReached, match="supply OVP"):
+        bench.guard_devices()
+    fake.alarms = ()
+    bench.power_off()
+    with pytest.raises(LimitReached, match="tripped before, and latched"):
+        bench.power_up()

@@ -34,6 +34,7 @@ class FakePlant:
     clock: Clock = field(default_factory=StepClock)
     present: FakeState = FakeState()
     mode: str = ""
+    modulations: tuple[str, ...] = ("hybrid", "dps")
     broken: tuple[str, ...] = ()  # the faults that come whenever the PWM goes on
 
     def state(self) -> FakeState:

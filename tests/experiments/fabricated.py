@@ -1,13 +1,19 @@
 """Scored trials and an experiment made up by hand."""
 
+import base64
+import math
 from dataclasses import replace
 
 from experiments.blind.answer import Answer, Cause
 from experiments.blind.scoring import Scored
 from experiments.blind.trial import BlindTrial
 from experiments.harness.registry import Entry, Experiment
-from experiments.harness.result import Goal, Result, Table
+from experiments.harness.result import Comparison, Goal, Picture, Result, Table
 from experiments.harness.settings import Settings
+
+PIXEL = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+)
 
 
 def answer(
@@ -44,6 +50,20 @@ def result(_: Settings | None = None) -> Result:
         ),
         tables=(Table(title="Speed", columns=("what", "s"), rows=(("grid <1>", 2.5), ("[swarm]", None))),),
         notes=("seeds 1 to 2",),
+        comparisons=(
+            Comparison(name="gap", paper=1.1, ours=1.3, unit="points", tolerance=0.5, reason="another one"),
+            Comparison(
+                name="time",
+                paper=9.0,
+                ours=0.5,
+                unit="h",
+                tolerance=math.inf,
+                reason="another machine",
+                spread=0.1,
+            ),
+        ),
+        pictures=(Picture(name="dot", caption="One pixel.", png=PIXEL),),
+        assumed=("the colour",),
     )
 
 

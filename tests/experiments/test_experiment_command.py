@@ -30,17 +30,32 @@ def test_the_list_names_every_experiment(capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.usefixtures("made_up")
-@pytest.mark.parametrize("name", ["made_up", "all"])
 def test_a_run_prints_its_tables_and_writes_its_files(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert d2ea("experiment", name, "--quick", "--out", str(tmp_path)) == 0
+    assert d2ea("experiment", "made_up", "--quick", "--out", str(tmp_path)) == 0
     printed = capsys.readouterr().out
     assert "[swarm]" in printed
     assert "≤ 0.01 points  missed" in printed
     assert "VIRTUAL LAB" in printed
     assert json.loads((tmp_path / "made_up.json").read_text())["scale"] == 0.1
     assert (tmp_path / "made_up.html").exists()
+
+
+@pytest.mark.usefixtures("made_up")
+def test_all_writes_one_page_with_every_row_and_keeps_what_is_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command_line = ("experiment", "all", "--quick", "--out", str(tmp_path))
+    assert d2ea(*command_line) == 0
+    first = (tmp_path / "made_up.json").read_bytes()
+    assert "2 met, 1 missed" in capsys.readouterr().out
+    summary = json.loads((tmp_path / "all.json").read_text())
+    assert [row["verdict"] for row in summary["rows"]] == ["met", "shown", "met", "missed"]
+    assert "data:image/png;base64,iVBORw" in (tmp_path / "all.html").read_text()
+    assert d2ea(*command_line) == 0
+    assert "kept from before" in capsys.readouterr().err
+    assert (tmp_path / "made_up.json").read_bytes() == first
 
 
 @pytest.mark.parametrize(

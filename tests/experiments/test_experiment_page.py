@@ -1,13 +1,14 @@
 """Goals, tables and pages: the same numbers in print, JSON and HTML, and misses in all of them."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 from experiments.harness.page import Page
 from experiments.harness.plain import plain_lines
-from experiments.harness.result import Goal, Table
+from experiments.harness.result import Comparison, Goal, Table
 from experiments.harness.settings import Settings
 from tests.experiments.fabricated import ENTRY, result
 
@@ -47,7 +48,24 @@ def test_json_and_page_are_written(tmp_path: Path) -> None:
     assert [goal["verdict"] for goal in plain["goals"]] == ["met", "missed"]
     assert plain["tables"][0]["rows"] == [["grid <1>", 2.5], ["[swarm]", None]]
     assert plain["virtual"] is True
-    assert sorted(p.name for p in (tmp_path / "deep").iterdir()) == ["made_up.html", "made_up.json"]
+    written = sorted(p.name for p in (tmp_path / "deep").iterdir())
+    assert written == ["made_up-dot.png", "made_up.html", "made_up.json"]
+
+
+def test_what_was_written_is_read_back(tmp_path: Path) -> None:
+    page().write(tmp_path)
+    assert Page.read(tmp_path, ENTRY) == page()
+    (tmp_path / "made_up-dot.png").unlink()
+    assert Page.read(tmp_path, ENTRY) is None
+
+
+@pytest.mark.parametrize(
+    ("ours", "tolerance", "verdict"),
+    [(1.2, 0.2, "met"), (1.31, 0.2, "missed"), (math.nan, 0.2, "missed"), (5.0, math.inf, "shown")],
+)
+def test_a_comparison_is_met_within_its_tolerance(ours: float, tolerance: float, verdict: str) -> None:
+    compared = Comparison(name="c", paper=1.1, ours=ours, unit="", tolerance=tolerance, reason="")
+    assert compared.verdict == verdict
 
 
 def test_the_page_shows_the_miss_the_lab_and_escaped_text() -> None:

@@ -17,6 +17,7 @@ from drivers.mocks.lab.foreign.base import AcReading, Added, ForeignEffect, Mome
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import Quirks, drawn_values, everyday_quirks, hide
 from drivers.mocks.lab.instruments import InstrumentErrors, draw_instruments, perfect_instruments
+from drivers.mocks.lab.legs import KINDS, primary_legs
 from drivers.mocks.lab.losses import LabLosses, lab_losses
 from drivers.mocks.lab.parts import draw_converter
 from drivers.mocks.lab.waveforms import Demand, Heat, Link, lab_circuit
@@ -65,12 +66,22 @@ class Laboratory:
     foreign: tuple[ForeignEffect, ...] = ()
 
     @classmethod
-    def draw(cls, *, seed: int, hidden: Mapping[str, float | None] | None = None) -> Self:
-        """A lab from a seed; ``hidden`` maps effect names to values, ``None`` for one that the seed draws."""
+    def draw(
+        cls,
+        *,
+        seed: int,
+        hidden: Mapping[str, float | None] | None = None,
+        converter: Converter | None = None,
+    ) -> Self:
+        """A lab from a seed; ``hidden`` maps effect names to values, ``None`` for one that the seed draws.
+
+        ``converter`` is what its parts scatter around, the prototype by default. Some effects are of three-level
+        primaries and cannot be hidden in another one.
+        """
         parts, instruments, values, everyday = (np.random.default_rng([seed, k]) for k in range(4))
         chosen = drawn_values(hidden or {}, values)
         known = {name: value for name, value in chosen.items() if name not in FOREIGN}
-        converter, quirks = hide(draw_converter(parts), known, everyday_quirks(everyday))
+        converter, quirks = hide(draw_converter(parts, converter), known, everyday_quirks(everyday))
         return cls(
             converter=converter,
             quirks=quirks,
@@ -78,6 +89,10 @@ class Laboratory:
             hidden=chosen,
             foreign=tuple(FOREIGN[name](size=size) for name, size in chosen.items() if name in FOREIGN),
         )
+
+    def driven_by(self, modulation: str) -> Self:
+        """This lab under another modulation; ParameterError where its primary does not have it."""
+        return replace(self, converter=replace(self.converter, modulation=modulation))
 
     @classmethod
     def nominal(cls) -> Self:
@@ -206,13 +221,8 @@ class Laboratory:
     def _with_junctions(
         self, losses: LabLosses, heatsink_C: Array, inductor_C: Array, transformer_C: Array
     ) -> Heat:
-        primary = self.converter.three_level
-        rise = {
-            "outer": primary.outer.thermal_K_per_W,
-            "inner": primary.inner.thermal_K_per_W,
-            "clamp": primary.clamp.thermal_K_per_W,
-            "secondary": self.converter.secondary.switch.thermal_K_per_W,
-        }
+        rise = dict.fromkeys(KINDS, 0.0) | primary_legs(self.converter).thermal_K_per_W()
+        rise["secondary"] = float(self.converter.secondary.switch.thermal_K_per_W)
         junctions = {f"{k}_C": np.minimum(heatsink_C + rise[k] * losses.by_kind[k] / 4, 200.0) for k in rise}
         return Heat(
             heatsink_C=np.minimum(heatsink_C, 180.0),

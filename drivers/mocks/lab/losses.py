@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.mocks.lab.choke import Choke
-from drivers.mocks.lab.waveforms import Heat, channel_Ohm, series_Ohm, winding_Ohm
-from sim.parameters import Converter, Core, SwitchingEnergy, Winding
+from drivers.mocks.lab.legs import KINDS, Edges, channel_Ohm, primary_legs, two_level_J
+from drivers.mocks.lab.waveforms import Heat, junctions, winding_Ohm
+from sim.parameters import Converter, Core, Winding
 from sim.steady_state import Circuit, Orbit
 
 Array = NDArray[np.float64]
@@ -28,14 +29,6 @@ class LabLosses:
     inductor: Array
     transformer: Array
     rms_A: Array
-
-
-def _energy(law: SwitchingEnergy, current_A: Array, voltage_V: Array, junction_C: Array) -> Array:
-    """Switching energy as a quadratic through the datasheet point: 30 % linear, 70 % to the law's power."""
-    share = np.maximum(current_A, 0.0) / law.reference_A
-    shape = 0.3 * share + 0.7 * share**law.current_exponent
-    scaled = shape * (voltage_V / law.reference_V) ** law.voltage_exponent
-    return np.asarray(law.energy_J * scaled * np.exp(law.energy_per_K * (junction_C - 25.0)))
 
 
 def _harmonics(orbit: Orbit, half_period_s: Array, choke: Choke) -> Array:
@@ -91,51 +84,29 @@ def _magnetics(
     )
 
 
+def _edges(orbit: Orbit, which: slice, turns: Array | float, choke: Choke) -> Edges:
+    """The edges of one bridge, whose current is ``turns`` times the link's."""
+    c = orbit.commutation
+    off, on = (turns * choke.current(current[which] / turns) for current in (c.turn_off_A, c.turn_on_A))
+    return Edges(
+        off_A=off,
+        on_A=on,
+        missing=c.missing[which],
+        opposite_C=c.opposite_C[which],
+        same_C=c.same_C[which],
+    )
+
+
 def _switching(
     converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit, choke: Choke
 ) -> dict[str, Array]:
     """Losses at the edges by kind of device."""
-    c, f = orbit.commutation, converter.frequency_Hz
-    outer, inner, clamp = (
-        converter.three_level.outer,
-        converter.three_level.inner,
-        converter.three_level.clamp,
-    )
-    low = converter.secondary.switch
-    half, V2 = 0.5 * circuit.V1_V, circuit.nV2_V / circuit.turns_ratio
-    ratio = np.stack([np.ones_like(V2), np.ones_like(V2), circuit.turns_ratio, circuit.turns_ratio])
-    off, on = (ratio * choke.current(current / ratio) for current in (c.turn_off_A, c.turn_on_A))
-    missing = c.missing
-    stored = sum(np.asarray(d.capacitance.charge_C(half)) for d in (outer, inner, clamp))
-    hard_J = 0.5 * stored * half * missing[:2] ** 2
-    recovered = np.asarray(clamp.recovery.at(current_A=on[0], junction_C=heat.clamp_C))
-    outer_J = (
-        _energy(outer.turn_on, on[0], half, heat.outer_C)
-        + _energy(outer.turn_off, off[1], half, heat.outer_C)
-        + hard_J[0]
-        + 0.6 * recovered * half
-        + (c.opposite_C[0] + c.same_C[1]) * outer.reverse.threshold_V
-    )
-    inner_J = (
-        _energy(inner.turn_off, off[0], half, heat.inner_C)
-        + _energy(inner.turn_on, on[1], half, heat.inner_C)
-        + hard_J[1]
-        + np.asarray(outer.recovery.at(current_A=on[1], junction_C=heat.outer_C)) * half
-    )
-    secondary_J = (
-        _energy(low.turn_off, off[2:], V2, heat.secondary_C)
-        + _energy(low.turn_on, on[2:], V2, heat.secondary_C)
-        + np.asarray(low.capacitance.charge_C(V2)) * V2 * missing[2:] ** 2
-        + np.asarray(low.recovery.at(current_A=on[2:], junction_C=heat.secondary_C)) * V2
-        + (c.opposite_C[2:] + c.same_C[2:]) * low.reverse.threshold_V
-    )
-    each = 4 * f  # two legs, two half periods
-    return {
-        "outer": each * outer_J,
-        "inner": each * inner_J,
-        "clamp": each * 0.4 * recovered * half,
-        "secondary": 2 * f * np.sum(secondary_J, axis=0),
-    }
+    V2, low = circuit.nV2_V / circuit.turns_ratio, converter.secondary.switch
+    primary = _edges(orbit, slice(0, 2), 1.0, choke)
+    secondary = _edges(orbit, slice(2, 4), circuit.turns_ratio, choke)
+    energies = primary_legs(converter).energies_J(junctions(heat), circuit.V1_V, primary)
+    energies["secondary"] = two_level_J(low, heat.secondary_C, V2, secondary)
+    return {kind: 2 * converter.frequency_Hz * energy for kind, energy in energies.items()}
 
 
 def _conduction(
@@ -148,28 +119,17 @@ def _conduction(
     along = pieces.vp_V * pieces.sign > 0
     charge = np.abs(choke.charge(pieces)) / circuit.half_period_s
     square = choke.square(pieces) / circuit.half_period_s
-
-    def loop(chosen: NDArray[np.bool_], drops: Array) -> Array:
-        """Everything the loop loses in one conduction state."""
-        return np.asarray(np.sum(np.where(chosen, charge * drops[0] + square * drops[1], 0.0), axis=0))
-
-    states = ((live & along, circuit.forward), (live & ~along, circuit.reverse), (~live, circuit.zero))
-    whole = sum((loop(chosen, drops) for chosen, drops in states), np.zeros(1))
     square_A2 = np.sum(square, axis=0)
+    lost = dict.fromkeys(KINDS, np.zeros_like(square_A2))
+    states = primary_legs(converter).states(junctions(heat))
+    for path, chosen in zip(states, (live & along, live & ~along, ~live), strict=True):
+        mean_A, mean_A2 = (np.sum(np.where(chosen, x, 0.0), axis=0) for x in (charge, square))
+        for device in path:
+            threshold_V, resistance_Ohm = device.drop
+            watts = device.count * (threshold_V * mean_A + resistance_Ohm * mean_A2)
+            lost[device.kind] = lost[device.kind] + watts
     secondary = 2 * n**2 * channel_Ohm(low.on, heat.secondary_C) * square_A2
-    outer = (
-        2
-        * channel_Ohm(converter.three_level.outer.on, heat.outer_C)
-        * np.sum(np.where(live, square, 0), axis=0)
-    )
-    clamp = loop(
-        ~live, np.stack([2 * np.asarray(converter.three_level.clamp.on.threshold_V), np.asarray(0.0)])
-    )
-    clamp = clamp + loop(
-        ~live, np.stack([np.asarray(0.0), 2 * np.asarray(converter.three_level.clamp.on.resistance_Ohm)])
-    )
-    inner = np.maximum(whole - secondary - series_Ohm(converter, heat) * square_A2 - outer - clamp, 0.0)
-    return {"outer": outer, "inner": inner, "clamp": clamp, "secondary": secondary}, square_A2
+    return lost | {"secondary": secondary}, square_A2
 
 
 def lab_losses(converter: Converter, heat: Heat, circuit: Circuit, orbit: Orbit, choke: Choke) -> LabLosses:

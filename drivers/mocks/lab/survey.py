@@ -26,13 +26,17 @@ _IDLE = (0.8, 0.0)  # D1, D2 of a converter that runs without load
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
-    """Set points in the order of a campaign, arrays (N,); ``kind`` as in the measurement table."""
+    """Set points in the order of a campaign, arrays (N,); ``kind`` as in the measurement table.
+
+    ``supply_V`` is what the dc supply is set to.
+    """
 
     D1: Array
     D2: Array
     power_W: Array
     kind: NDArray[np.str_]
     time_s: Array
+    supply_V: float = SUPPLY_V
 
     def followed_by(self, later: Self, pause_s: float = 3600.0) -> Self:
         """This schedule and, after a pause, another one."""
@@ -74,7 +78,7 @@ def settle(lab: Laboratory, plan: Schedule, near: Settled | None = None) -> Sett
     """Where every row would end if it lasted; ``near`` is what a lab nearly like this one settled at."""
     D1, D2 = _applied(plan)
     start = None if near is None else (near.truth, near.heat)
-    supply_V = np.full(D1.size, SUPPLY_V)
+    supply_V = np.full(D1.size, plan.supply_V)
     truth, heat = lab.settled(D1, D2, plan.power_W, supply_V, plan.time_s, start)
     return Settled(truth=truth, heat=heat)
 
@@ -88,7 +92,7 @@ def survey(
     D1, D2 = _applied(plan)
     truth, heat = _in_order(lab, plan, settled or settle(lab, plan))
     V1, P1 = lab.input_terminals(truth, heat.heatsink_C, plan.time_s)
-    idle_V = np.full(D1.size, SUPPLY_V + lab.errors.supply_V)
+    idle_V = np.full(D1.size, plan.supply_V + lab.errors.supply_V)
     V1 = np.where(on, V1, idle_V)
     P1 = np.where(on, P1, lab.leaked_W(idle_V, heat.heatsink_C, plan.time_s))
     shown = {e: _averaged(lab, e, _element(e, V1, P1, truth, on), rng, samples) for e in (1, 2)}
@@ -162,7 +166,7 @@ def _in_order(lab: Laboratory, plan: Schedule, settled: Settled) -> tuple[Electr
     off = plan.kind == "standby"
     end = Heat(**{f.name: np.where(off, ambient, getattr(end, f.name)) for f in fields(Heat)})
     heat = lab.lagging(end, truth.losses, ambient, _POINT_S)
-    demand = lab.demand(D1, D2, plan.power_W, np.full(D1.size, SUPPLY_V))
+    demand = lab.demand(D1, D2, plan.power_W, np.full(D1.size, plan.supply_V))
     return lab.run(demand, plan.power_W, heat, truth), heat
 
 
@@ -174,11 +178,16 @@ def _averaged(
     return volts, amps, watts
 
 
-def noise_free_efficiency(lab: Laboratory, D1: Array, D2: Array, power_W: Array) -> Array:
-    """What the lab's analyzer would show without noise at settled points, (N,); NaN where it cannot run."""
-    time_s = np.zeros_like(power_W)
-    truth, heat = lab.settled(D1, D2, power_W, np.full(D1.size, SUPPLY_V), time_s)
-    V1, P1 = lab.input_terminals(truth, heat.heatsink_C, time_s)
+def noise_free_efficiency(
+    lab: Laboratory, D1: Array, D2: Array, power_W: Array, *, supply_V: float = SUPPLY_V, time_s: float = 0.0
+) -> Array:
+    """What the lab's analyzer would show without noise at settled points, (N,); NaN where it cannot run.
+
+    All points are seen at one time of the campaign, ``time_s``.
+    """
+    now_s = np.full_like(power_W, time_s)
+    truth, heat = lab.settled(D1, D2, power_W, np.full(D1.size, supply_V), now_s)
+    V1, P1 = lab.input_terminals(truth, heat.heatsink_C, now_s)
     quiet = np.random.default_rng(0)
     silent = lab.without_noise()
     shown_1 = silent.port_1(*read_element(silent.errors, 1, (V1, P1 / V1, P1), quiet))

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.mocks.lab.choke import Choke
+from drivers.mocks.lab.legs import Junctions, Path, channel_Ohm, primary_legs
 from sim.modulation import centre_offset, hybrid_edges
-from sim.parameters import Capacitance, Conduction, Converter
+from sim.parameters import Converter
 from sim.regulation import Regulated, regulate
 from sim.soft_switching import swing_curve
 from sim.steady_state import FINE, Circuit
@@ -43,22 +44,6 @@ class Demand:
     V2_V: Array
 
 
-def channel_Ohm(conduction: Conduction, junction_C: Array) -> Array:
-    """On-resistance with the bend of a SiC channel: a nominal die's is 1.32 at 125 and 1.59 at 175 degC."""
-    rise = junction_C - 25.0
-    bend = conduction.resistance_per_K / 0.0032
-    return np.asarray(conduction.resistance_Ohm * (1 + bend * (1.73e-3 * rise + 1.47e-5 * rise**2)))
-
-
-def _drop(conduction: Conduction, junction_C: Array) -> tuple[Array, Array]:
-    """Bipolar drop: a linear knee voltage and a resistance that follows T^k."""
-    absolute = (junction_C + 273.15) / 298.15
-    knee = conduction.threshold_V * (1 + conduction.threshold_per_K * (junction_C - 25.0))
-    return np.asarray(knee), np.asarray(
-        conduction.resistance_Ohm * absolute ** (298.15 * conduction.resistance_per_K)
-    )
-
-
 def winding_Ohm(resistance_Ohm: Array | float, temperature_C: Array) -> Array:
     """Copper's own law, 234.5 K below zero."""
     return np.asarray(resistance_Ohm * (234.5 + temperature_C) / (234.5 + 25.0))
@@ -74,37 +59,28 @@ def series_Ohm(converter: Converter, heat: Heat) -> Array:
     )
 
 
-def _charge(junction: Capacitance, voltage_V: Array) -> Array:
-    return np.asarray(junction.charge_C(voltage_V))
+def junctions(heat: Heat) -> Junctions:
+    """The primary's junctions."""
+    return Junctions(outer=heat.outer_C, inner=heat.inner_C, clamp=heat.clamp_C)
+
+
+def _in_series(path: tuple[Path, ...], series: Array) -> Array:
+    """Threshold and resistance (2, N) of a path with all that is in series in every state."""
+    threshold = sum(p.count * p.drop[0] for p in path)
+    resistance = sum(p.count * p.drop[1] for p in path)
+    return np.stack([threshold + 0.0 * series, resistance + series])
 
 
 def lab_circuit(converter: Converter, heat: Heat, demand: Demand) -> Circuit:
     """The solver's circuit for the lab's converter at its temperatures."""
-    outer, inner, clamp = (
-        converter.three_level.outer,
-        converter.three_level.inner,
-        converter.three_level.clamp,
-    )
     low, n = converter.secondary.switch, converter.transformer.turns_ratio
-    ones = np.ones_like(demand.D1)
+    ones, legs = np.ones_like(demand.D1), primary_legs(converter)
     series = series_Ohm(converter, heat) + 2 * n**2 * channel_Ohm(low.on, heat.secondary_C)
-    channel = channel_Ohm(outer.on, heat.outer_C)
-    on_V, on_R = _drop(inner.on, heat.inner_C)
-    back_V, back_R = _drop(inner.reverse, heat.inner_C)
-    diode_V, diode_R = _drop(clamp.on, heat.clamp_C)
-    half = 0.5 * demand.V1_V
-    primary_C = sum(_charge(d.capacitance, half) for d in (outer, inner, clamp))
-    secondary_C = 2 * _charge(low.capacitance, demand.V2_V)
-    slow, fast = [inner.capacitance, clamp.capacitance], [outer.capacitance]
+    forward, reverse, zero = (_in_series(path, series) for path in legs.states(junctions(heat)))
+    primary_C = legs.charge_C(demand.V1_V)
+    secondary_C = 2 * np.asarray(low.capacitance.charge_C(demand.V2_V))
     curve = swing_curve([low.capacitance], [low.capacitance], converter.V2_V)
-    curves = np.stack(
-        [
-            swing_curve(slow, fast, 0.5 * converter.V1_V),
-            swing_curve(fast, slow, 0.5 * converter.V1_V),
-            curve,
-            curve,
-        ]
-    )
+    curves = np.concatenate([legs.curves(converter.V1_V), np.stack([curve, curve])])
     return Circuit(
         V1_V=demand.V1_V,
         nV2_V=n * demand.V2_V,
@@ -113,9 +89,9 @@ def lab_circuit(converter: Converter, heat: Heat, demand: Demand) -> Circuit:
         magnetizing_H=converter.transformer.magnetizing_H * ones,
         half_period_s=converter.half_period_s * ones,
         dead_time_s=converter.dead_time_s * ones,
-        forward=np.stack([2 * on_V, 2 * (on_R + channel) + series]),
-        reverse=np.stack([2 * back_V, 2 * (back_R + channel) + series]),
-        zero=np.stack([2 * (on_V + diode_V), 2 * (on_R + diode_R) + series]),
+        forward=forward,
+        reverse=reverse,
+        zero=zero,
         charge_C=np.stack([primary_C, primary_C, secondary_C, secondary_C]),
         curves=curves[:, None, :],
         curve=np.zeros(demand.D1.size, dtype=np.intp),

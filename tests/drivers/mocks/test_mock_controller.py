@@ -127,6 +127,18 @@ def test_a_request_that_is_not_newer_is_refused(host: Host, ahead: int) -> None:
     assert host.plant.present.D1 == 0.7
 
 
+@pytest.mark.parametrize(
+    ("mode", "D2", "answer"), [(2, 0.3, None), (2, 0.2, Reason.OUT_OF_RANGE), (4, 0.3, Reason.UNKNOWN_MODE)]
+)
+def test_a_mode_takes_the_duties_that_it_has(host: Host, mode: int, D2: float, answer: Reason | None) -> None:
+    payload = SET_MODULATION.pack(mode, 0.7, D2)
+    if answer is None:
+        host.ask(Request.SET_MODULATION, payload)
+        assert host.plant.mode == "dps"
+    else:
+        assert host.refused(Request.SET_MODULATION, payload) == answer
+
+
 def test_switching_off_is_always_carried_out(host: Host) -> None:
     host.run()
     host.ask(Request.DISABLE, sequence=1)

@@ -212,5 +212,14 @@ def test_a_little_over_the_range_is_still_shown() -> None:
 
 
 def test_a_modulation_that_it_cannot_make_is_refused() -> None:
-    with pytest.raises(ValueError, match="'TPS'"):
+    with pytest.raises(ValueError, match="'TPS'; it has hybrid, tps"):
         powered().set_bridge(pwm=True, D1=0.9, D2=0.1, mode="TPS")
+
+
+def test_the_bridges_make_what_the_controller_asks_for() -> None:
+    plant, drawn_W = running(600.0), {}
+    for mode in ("hybrid", "tps"):
+        plant.set_bridge(pwm=True, D1=0.7, D2=0.1, mode=mode)
+        drawn_W[mode] = plant.state().supply_A * plant.state().supply_V
+    # shifted legs switch both devices of a rail at the full current: more than a clamped leg, by watts
+    assert 0.2 < drawn_W["tps"] - drawn_W["hybrid"] < 5.0

@@ -125,8 +125,8 @@ def test_what_cannot_be_told_from_nothing_has_no_group() -> None:
 def test_a_cause_that_is_small_beside_what_is_left_over_is_not_named() -> None:
     entries = (("link_resistance", ALONG, 1.5, 0.99), (None, 0 * ALONG, 5.0, 0.01))
     significance = 1.0 / 0.1  # the made-up fits' value over their sigma
-    assert judged(*entries, leftover=0.3 * significance).kind == "named"
-    assert judged(*entries, leftover=0.8 * significance).kind == "unknown"
+    assert judged(*entries, leftover=0.5 * significance).kind == "named"
+    assert judged(*entries, leftover=1.0 * significance).kind == "unknown"
 
 
 def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:

@@ -8,7 +8,8 @@ import pytest
 from drivers.mocks.lab.choke import REFERENCE_A, Choke
 from drivers.mocks.lab.hidden import Quirks
 from drivers.mocks.lab.laboratory import Laboratory
-from drivers.mocks.lab.waveforms import channel_Ohm, winding_Ohm
+from drivers.mocks.lab.legs import channel_Ohm
+from drivers.mocks.lab.waveforms import winding_Ohm
 from sim.parameters import leaves
 from sim.prototype import prototype
 from tests.drivers.mocks.lab.laboratories import nominal, settled

@@ -1,0 +1,137 @@
+"""Charts of a diagnosis: residual maps, residuals over time, causes by probability, what cannot be named."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from bench.charts import DIFFERENCE, MARGIN, OKABE_ITO
+from bench.wording import effect_name, unit_of
+
+_COLUMNS = 4
+_QUANTILE = 0.98  # of the absolute residuals: what the colours of a map span
+
+
+def residual_columns(residuals: pd.DataFrame) -> dict[str, str]:
+    """Channel and column of every residual that has values."""
+    found = [str(c) for c in residuals if str(c).startswith("residual_") and residuals[c].notna().any()]
+    return {name.removeprefix("residual_"): name for name in found}
+
+
+def residual_maps(residuals: pd.DataFrame) -> go.Figure | None:
+    """Measured less simulated over (D1, D2), a panel for each channel, each coloured over its own range."""
+    channels = residual_columns(residuals)
+    loaded = residuals[residuals["P2_W"] > 0]
+    if not channels or not len(loaded):
+        return None
+    across = min(_COLUMNS, len(channels))
+    down = -(-len(channels) // across)
+    spans = {c: float(np.nanquantile(np.abs(loaded[column]), _QUANTILE)) for c, column in channels.items()}
+    figure = make_subplots(
+        rows=down,
+        cols=across,
+        subplot_titles=[f"{c}: ±{_amount(spans[c], c)}" for c in channels],
+        horizontal_spacing=0.06,
+        vertical_spacing=0.22 / down,
+    )
+    for number, (channel, column) in enumerate(channels.items()):
+        place = {"row": number // across + 1, "col": number % across + 1}
+        figure.add_trace(_map(loaded, column, channel, spans[channel]), **place)
+        if number + across >= len(channels):
+            figure.update_xaxes(title_text="D1 (half periods)", **place)
+        if place["col"] == 1:
+            figure.update_yaxes(title_text="D2 (half periods)", **place)
+    bar = {"thickness": 14, "title": {"text": "measured −<br>simulated"}, "tickvals": [-1, 0, 1]}
+    bar["ticktext"] = ["− range", "0", "+ range"]
+    figure.update_layout(
+        height=110 + 290 * down,
+        margin=MARGIN,
+        showlegend=False,
+        coloraxis={"colorscale": DIFFERENCE, "cmin": -1.0, "cmax": 1.0, "colorbar": bar},
+    )
+    return figure
+
+
+def _map(rows: pd.DataFrame, column: str, channel: str, span: float) -> go.Scatter:
+    return go.Scatter(
+        x=rows["D1"],
+        y=rows["D2"],
+        mode="markers",
+        marker={
+            "color": rows[column] / (span or 1.0), "coloraxis": "coloraxis",
+            "size": 5 + 9 * rows["P2_W"] / rows["P2_W"].max(), "line": {"width": 0.6, "color": "#808080"},
+        },
+        customdata=np.stack([rows["P2_W"], rows[column]], axis=1),
+        hovertemplate="D1 %{x:.3f}, D2 %{y:.3f}, %{customdata[0]:.0f} W<br>%{customdata[1]:.4g} "
+        + (unit_of(channel) or "half periods")
+        + "<extra></extra>",
+    )  # fmt: skip
+
+
+def _amount(value: float, channel: str) -> str:
+    return f"{value:.2g} {unit_of(channel) or 'half periods'}"
+
+
+def residual_over_time(residuals: pd.DataFrame) -> go.Figure | None:
+    """The gap in input power since the campaign's start: since when, and whether it drifts."""
+    if "time_s" not in residuals or "residual_P1_W" not in residuals:
+        return None
+    rows = residuals.dropna(subset=["residual_P1_W", "time_s"])
+    if not len(rows):
+        return None
+    figure = go.Figure()
+    colours = dict(zip(("load", "reference", "no_load", "standby"), OKABE_ITO.values(), strict=False))
+    for kind, group in rows.groupby("kind"):
+        marker = {"size": 7, "color": colours.get(str(kind), OKABE_ITO["grey"])}
+        name = str(kind).replace("_", " ")
+        figure.add_trace(
+            go.Scatter(
+                x=group["time_s"] / 3600, y=group["residual_P1_W"], mode="markers", marker=marker, name=name
+            )
+        )
+    figure.update_xaxes(title_text="time since the campaign's start (h)")
+    figure.update_yaxes(title_text="input power, meas. − sim. (W)", zeroline=True)
+    figure.update_layout(height=330, margin=MARGIN, legend={"orientation": "h", "y": 1.12})
+    return figure
+
+
+def cause_bars(causes: Sequence[Mapping[str, Any]], unknown: float, consistent: float) -> go.Figure:
+    """Probability of every cause, of something outside the catalogue, and of nothing."""
+    bars = [(effect_name(str(c["effect"])), float(c["probability"]), "blue") for c in causes[:10]]
+    bars += [("something else besides", unknown, "orange"), ("nothing wrong", consistent, "grey")]
+    figure = go.Figure(
+        go.Bar(
+            x=[p for _, p, _ in bars], y=[name for name, _, _ in bars], orientation="h",
+            marker_color=[OKABE_ITO[colour] for *_, colour in bars],
+            text=[f"{p:.3f}" for _, p, _ in bars], textposition="auto", cliponaxis=False,
+            hovertemplate="%{y}: %{x:.4f}<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.update_xaxes(title_text="probability (1)", range=[0, 1.02])
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    figure.update_layout(height=110 + 30 * len(bars), margin=MARGIN | {"t": 24}, showlegend=False)
+    return figure
+
+
+def leftover_map(residuals: pd.DataFrame) -> go.Figure | None:
+    """What no cause explains, in watts at the input, over output power; colour is D2."""
+    if "leftover_W" not in residuals or not residuals["leftover_W"].notna().any():
+        return None
+    rows = residuals.dropna(subset=["leftover_W"])
+    marker = {
+        "color": rows["D2"], "colorscale": "Viridis", "size": 8, "showscale": True,
+        "colorbar": {"title": {"text": "D2<br>(half periods)"}, "thickness": 14},
+    }  # fmt: skip
+    figure = go.Figure(
+        go.Scatter(
+            x=rows["P2_W"], y=rows["leftover_W"], mode="markers", marker=marker,
+            hovertemplate="%{x:.0f} W: %{y:.3f} W<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.update_xaxes(title_text="output power (W)")
+    figure.update_yaxes(title_text="unexplained loss at the input (W)", zeroline=True)
+    figure.update_layout(height=340, margin=MARGIN, showlegend=False)
+    return figure

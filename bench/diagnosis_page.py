@@ -1,0 +1,120 @@
+"""The diagnosis as a page that a person reads from top to bottom, and knows what to do on Monday."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import plotly.graph_objects as go
+from plotly.offline import get_plotlyjs
+
+from bench import charts, diagnosis_charts
+from bench.report import diagnosis_actions, environment
+from bench.wording import counted, effect_name, points_text, verdict_text
+
+_KURTOSIS, _AUTOCORRELATION = 1.5, 0.3  # above which the noise is said to have tails, or a memory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiagnosisPage:
+    """All that the page shows: ``diagnosis`` is the JSON answer, ``residuals`` its residual table."""
+
+    source: str
+    virtual: bool
+    created: str
+    diagnosis: Mapping[str, Any]
+    residuals: pd.DataFrame
+
+
+def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
+    """Write the page; the file holds its own styles, scripts and data."""
+    d = page.diagnosis
+    text = (
+        environment()
+        .get_template("diagnosis.html")
+        .render(
+            data=page,
+            headline=verdict_text(d),
+            actions=diagnosis_actions(d),
+            tiles=tiles(d),
+            noise=noise_rows(d),
+            unseen=unseen(d),
+            ties=ties(d),
+            charts=_charts(page),
+            plotly=get_plotlyjs(),
+        )
+    )
+    path.write_text(text, encoding="utf-8")
+
+
+def tiles(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Key numbers: (what, value, remark)."""
+    gap, gain = diagnosis["gap"], diagnosis.get("gain")
+    worst, rejected = gap["worst"], len(diagnosis["rejected_rows"])
+    where = f"at D1 {worst['D1']:.3f}, D2 {worst['D2']:.3f}, {worst['P2_W']:.0f} W: {worst['loss_W']:+.2f} W"
+    used = f"{counted(rejected, 'row or reading')} left out" if rejected else "all used"
+    out = [
+        ("Points", str(diagnosis["points"]), used),
+        (
+            "Gap",
+            f"{points_text(gap['mean_abs_efficiency'])} points",
+            f"{gap['mean_loss_W']:+.2f} W of loss, mean",
+        ),
+        ("Worst", f"{points_text(worst['efficiency'])} points", where),
+    ]
+    if gain:
+        left = f"{points_text(gain['calibrated'])} with parts calibrated"
+        out.append(("Gap left, held out", f"{points_text(gain['after'])} points", left))
+    return out
+
+
+def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """(channel, one sigma, where from, what is unusual)."""
+    rows = []
+    for channel, n in diagnosis["noise"].items():
+        sigma = f"{100 * n['sigma']:.3g} % of reading" if n["relative"] else f"{n['sigma']:.3g}"
+        count = int(n["from_replicates"])
+        source = f"{counted(count, 'difference')} of replicates" if count else "assumed: no replicates"
+        said = []
+        if count and n["excess_kurtosis"] > _KURTOSIS:
+            said.append("heavy tails")
+        if count and n["autocorrelation"] > _AUTOCORRELATION:
+            said.append("remembers: drift or slow settling")
+        rows.append((channel, sigma, source, ", ".join(said) or "–"))
+    return rows
+
+
+def unseen(diagnosis: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Effects that these set points and channels cannot see at an ordinary size, and what would be seen of each."""
+    return [
+        (
+            effect_name(s["effect"]),
+            "nothing" if s["smallest"] is None else f"from {s['smallest']:.3g} {s['unit']}",
+        )
+        for s in diagnosis["sight"]
+        if not s["visible"]
+    ]
+
+
+def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
+    """Effects that the design alone cannot tell apart, each with those it ties with."""
+    return [
+        (effect_name(s["effect"]), [effect_name(name) for name in s["tied_with"]])
+        for s in diagnosis["sight"]
+        if s["tied_with"]
+    ]
+
+
+def _charts(page: DiagnosisPage) -> dict[str, str]:
+    d = page.diagnosis
+    figures: dict[str, go.Figure | None] = {
+        "maps": diagnosis_charts.residual_maps(page.residuals),
+        "time": diagnosis_charts.residual_over_time(page.residuals),
+        "causes": diagnosis_charts.cause_bars(
+            d["causes"], d["unknown"]["probability"], d["consistent"]["probability"]
+        ),
+        "leftover": diagnosis_charts.leftover_map(page.residuals),
+        "gain": charts.gain_bars(d["gain"]) if d.get("gain") else None,
+    }
+    return {name: charts.to_json(figure) for name, figure in figures.items() if figure is not None}

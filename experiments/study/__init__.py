@@ -1,0 +1,1 @@
+"""What the paper's tables and figures share: labs, campaigns, learners, searches, measurements, drawing."""

@@ -1,0 +1,68 @@
+r"""What these set points and channels can see at all, before any data: detectability, isolability, design's ties.
+
+For an effect of one prior scale with signature s under the everyday covariance, :math:`d_i = \|s_i\|` in sigmas, and
+:math:`d_{ij} = \|(I - P_j) s_i\|` is what another effect cannot imitate.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.signatures import Signature
+
+Array = NDArray[np.float64]
+
+SEEN = 5.0  # sigmas
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """How well one effect is seen: the smallest distance from off that is five sigmas, and whom it ties with."""
+
+    effect: str
+    smallest: float
+    unit: str
+    visible: bool
+    tied_with: tuple[str, ...]
+
+    def as_plain(self) -> dict[str, object]:
+        """For the JSON answer."""
+        return {
+            "effect": self.effect,
+            "smallest": self.smallest if np.isfinite(self.smallest) else None,
+            "unit": self.unit,
+            "visible": self.visible,
+            "tied_with": list(self.tied_with),
+        }
+
+
+def sight(refinery: Refinery) -> list[Sight]:
+    """Every effect of the catalogue that takes part, its clearest setting where it has several."""
+    clearest: dict[str, tuple[Signature, float, Array]] = {}
+    geometry, known = refinery.geometry, refinery.known
+    for s in known.effects:
+        scaled = s.slope * s.entry.headline.prior
+        products, _ = geometry.products(geometry.project(scaled[None]), known.own_spreads(s.effect))
+        length = float(np.sqrt(max(products[0, 0], 0.0)))
+        if s.effect not in clearest or length > clearest[s.effect][1]:
+            clearest[s.effect] = (s, length, scaled)
+    names = list(clearest)
+    apart = _isolability(np.stack([scaled for _, _, scaled in clearest.values()]), refinery)
+    found = []
+    for k, name in enumerate(names):
+        signature, length, _ = clearest[name]
+        head = signature.entry.headline
+        tied = tuple(names[j] for j in range(len(names)) if j != k and apart[k, j] < SEEN <= length)
+        smallest = SEEN * head.prior / length if length > 0 else np.inf
+        visible = bool(length >= SEEN)
+        found.append(Sight(effect=name, smallest=smallest, unit=head.unit, visible=visible, tied_with=tied))
+    return found
+
+
+def _isolability(shifts: Array, refinery: Refinery) -> Array:
+    """Sigmas of each shift (E, M) that each other one cannot imitate, (E, E)."""
+    products = refinery.geometry.project(shifts).each_other
+    length2 = np.maximum(np.diag(products), 1e-300)
+    return np.asarray(np.sqrt(np.maximum(length2[:, None] - products**2 / length2, 0.0)))

@@ -1,0 +1,97 @@
+"""The diagnosis page: complete, self-contained, in an order that leads from the verdict to what to do."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.diagnosis_charts import residual_columns, residual_maps
+from bench.diagnosis_page import DiagnosisPage, noise_rows, tiles, unseen, write_diagnosis_page
+
+CAUSE = {
+    "effect": "link_resistance", "probability": 0.997, "share_of_gap": 0.91, "tied_with": [],
+    "parameters": [{"name": "resistance_Ohm", "value": 0.071, "ci95": [0.066, 0.077], "off": 0.0}],
+    "says": "more series resistance than modelled", "check": "measure the ac link with four wires",
+}  # fmt: skip
+ANSWER = {
+    "schema": 1, "verdict": "named", "points": 30, "channels": ["efficiency", "D0"],
+    "gap": {"mean_abs_efficiency": 0.012, "mean_loss_W": 9.8,
+            "worst": {"efficiency": -0.03, "loss_W": 20.0, "D1": 0.7, "D2": 0.1, "P2_W": 900.0}},
+    "consistent": {"probability": 0.001}, "causes": [CAUSE], "groups": [],
+    "unknown": {"probability": 0.8, "formula": "2 W * P/kW", "formula_explains": 0.9, "location": "input",
+                "rms_W": 1.2},
+    "next": [{"action": "standby", "separates": ["auxiliary_power"], "expected_sigma": 8.0, "minutes": 1.5}],
+    "gain": {"blocks": "power band", "before": 0.012, "after": 0.0004, "ci95": [0.011, 0.012], "calibrated": 0.0002,
+             "leftover_only": 0.003, "wrong_cause": 0.002},
+    "sight": [{"effect": "fan_step", "smallest": 12.0, "unit": "W", "visible": False, "tied_with": []},
+              {"effect": "auxiliary_power", "smallest": 0.5, "unit": "W", "visible": True,
+               "tied_with": ["analyzer_offset"]}],
+    "noise": {"efficiency": {"sigma": 2e-4, "relative": True, "from_replicates": 0, "excess_kurtosis": 0.0,
+                             "autocorrelation": 0.0}},
+    "rejected_rows": [{"row": 3, "column": "P2_W", "value": "0.6", "reason": "looks like kilowatts"}],
+    "rejected_columns": [{"column": "T_heatsink_C", "reason": "reads 25 in all 30 rows: a stuck sensor"}],
+    "model": "model.toml",
+}  # fmt: skip
+
+
+@pytest.fixture
+def page() -> DiagnosisPage:
+    rng = np.random.default_rng(1)
+    D1, D2, power = rng.uniform(0.4, 1, 30), rng.uniform(0, 0.5, 30), rng.uniform(200, 1800, 30)
+    residuals = pd.DataFrame(
+        {"kind": "load", "D1": D1, "D2": D2, "P2_W": power, "time_s": 60.0 * np.arange(30),
+         "residual_P1_W": power / 100, "residual_D0": np.nan, "leftover_W": power / 500}
+    )  # fmt: skip
+    return DiagnosisPage(
+        source="somewhere.csv", virtual=False, created="2026-01-01", diagnosis=ANSWER, residuals=residuals
+    )
+
+
+def written(page: DiagnosisPage, folder: Path) -> str:
+    write_diagnosis_page(folder / "page.html", page)
+    return (folder / "page.html").read_text(encoding="utf-8")
+
+
+def test_it_reads_from_the_verdict_to_the_noise(page: DiagnosisPage, tmp_path: Path) -> None:
+    text = written(page, tmp_path)
+    order = ["Cause named", "What to do", "Where it is wrong", "How probable", "What no cause explains",
+             "What the diagnosis gains", "can and cannot see", ">Noise<"]  # fmt: skip
+    places = [text.index(heading) for heading in order]
+    assert places == sorted(places)
+
+
+def test_every_chart_has_its_data_and_nothing_is_fetched(page: DiagnosisPage, tmp_path: Path) -> None:
+    text = written(page, tmp_path)
+    blocks = dict(re.findall(r'<script type="application/json" id="data-(\w+)">(.*?)</script>', text, re.S))
+    assert set(blocks) == {"maps", "time", "causes", "leftover", "gain"}
+    assert all(json.loads(block)["data"] for block in blocks.values())
+    assert not re.search(r'<(script|link|img)[^>]+(src|href)="http', text)
+
+
+def test_what_was_left_out_and_what_is_unknown_is_said(page: DiagnosisPage, tmp_path: Path) -> None:
+    text = written(page, tmp_path)
+    assert "a stuck sensor" in text
+    assert "2 W * P/kW" in text
+    assert "looks like kilowatts" in text
+
+
+def test_a_virtual_lab_is_labelled(page: DiagnosisPage, tmp_path: Path) -> None:
+    assert "VIRTUAL LAB" not in written(page, tmp_path)
+    assert "VIRTUAL LAB" in written(replace(page, virtual=True), tmp_path)
+
+
+def test_a_channel_without_residuals_has_no_panel(page: DiagnosisPage) -> None:
+    assert residual_columns(page.residuals) == {"P1_W": "residual_P1_W"}
+    figure = residual_maps(page.residuals)
+    assert figure is not None
+    assert len(figure.data) == 1
+
+
+def test_tables_say_what_stands_behind_them() -> None:
+    assert noise_rows(ANSWER) == [("efficiency", "0.02 % of reading", "assumed: no replicates", "–")]
+    assert unseen(ANSWER) == [("fan step", "from 12 W")]
+    assert [what for what, _, _ in tiles(ANSWER)] == ["Points", "Gap", "Worst", "Gap left, held out"]
