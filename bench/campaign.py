@@ -17,7 +17,7 @@ import pandas as pd
 from sqlalchemy import RowMapping
 
 from bench.config import BenchConfig
-from bench.errors import Aborted, BenchUnsafe, StateError, StoreError
+from bench.errors import Aborted, BenchUnsafe, CampaignStopped, StateError, StoreError
 from bench.instruments import Bench, open_bench
 from bench.job import CampaignOutcome, Job, planned
 from bench.leftovers import switch_off_leftovers
@@ -137,7 +137,6 @@ class _Run:
         self.start_s = clock.now()
         self.asked_s = -np.inf
         self.request: str | None = None
-        self.settled = 0
         self.session_id: int | None = None
         self.reporter = Reporter(store, campaign_id, self._time_s)
         self.campaign = Campaign(
@@ -185,7 +184,7 @@ class _Run:
             campaign_id=self.id,
             accepted=self.tracker.accepted,
             rejected=self.tracker.rejected,
-            settled=self.settled,
+            settled=self.store.settled(self.id),
             power_off=report,
             bench_seconds=self.clock.now() - self.start_s,
             real_seconds=time.perf_counter() - started,
@@ -231,7 +230,11 @@ class _Run:
         except BaseException as raised:  # noqa: BLE001  the safety layer: made safe, recorded, raised again
             error = raised
         report = _seen_off(bench)
-        self.reporter.moment("off" if report.safe else "unsafe", faults=(str(error),) if error else ())
+        if report.safe and isinstance(error, BenchUnsafe):  # in the middle; by now it was seen off after all
+            error = CampaignStopped(f"the bench was seen off only at the second go: {error}")
+        with suppress(StoreError):  # a screen that cannot be told hides nothing that follows
+            faults = (str(error),) if error else ()
+            self.reporter.moment("off" if report.safe else "unsafe", faults=faults)
         if not report.safe:
             said = f"{report}; after: {error}" if error else str(report)
             self._record_end(report, State.UNSAFE, error, BenchUnsafe(said))
@@ -278,7 +281,6 @@ class _Run:
                 self._pause(bench)
             with about(point=row["point"]):
                 points.run(bench, planned(row), int(row["id"]), predicted[row["id"]])
-            self.settled = points.settled
 
     def _predictions(self, rows: Sequence[RowMapping], ambient_C: float) -> dict[int, float]:
         """Predicted efficiency by point id; points that have none yet are simulated, and stored."""

@@ -67,7 +67,6 @@ class PointRunner:
         self._of = campaign
         self._session_id = session_id
         self._lost_in_a_row = 0
-        self.settled = 0
 
     def run(self, bench: Bench, row: PlannedPoint, point_id: int, predicted: float) -> None:
         """Measure a point; a disturbed link costs a try of it, an output that cannot be held the point."""
@@ -91,9 +90,9 @@ class PointRunner:
 
     def _undo(self, bench: Bench, point_id: int, error: InstrumentError) -> None:
         """Off, and seen off: the point has not happened."""
+        report = self._of.off_in_between(bench)
         log.warning("point disturbed", extra={"detail": str(error)})
         self._of.reporter.moment("recovering", point_id=point_id, faults=(str(error),))
-        report = self._of.off_in_between(bench)
         self._of.store.note(self._of.id, "disturbed", time_s=self._of.time_s(), detail=f"{error}; {report}")
         self._of.store.plan_again(self._of.id, point_id, time_s=self._of.time_s())
 
@@ -148,7 +147,6 @@ class PointRunner:
         )
         self._of.store.add_reading(self._of.id, point_id, reading)
         reason = self.judge(point_id, row, numbers, measured.quality)
-        self.settled += settled.ok
         self._lost_in_a_row = 0
         self._of.tracker.finish(row, reason, measured=numbers.get("efficiency"), predicted=predicted)
 

@@ -292,6 +292,9 @@ class Controller:
             raise error.with_context(
                 command=request.name, elapsed_s=elapsed_s, resource=self._link.resource
             ) from error.__cause__
+        except BaseException:  # a signal: the reply is still under way
+            self._in_step, self._doubted_at = False, time.monotonic()
+            raise
 
     def _drain(self) -> None:
         """Nothing may be under way that could pass for the reply; a lost link has nothing to identify by."""

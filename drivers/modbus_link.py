@@ -178,6 +178,9 @@ class ModbusLink:
                 resource=self.resource, command=self._client.sent.hex(" "), elapsed_s=elapsed_s
             )
             raise
+        except BaseException:  # a signal: the reply is still under way
+            self.distrust()
+            raise
 
     def _checked(self, request: ModbusPDU) -> ModbusPDU:
         try:

@@ -282,7 +282,7 @@ def load_map(name_or_path: str | Path) -> ModbusMap:
         )
     try:
         return ModbusMap.model_validate(tomllib.loads(source.read_text("utf-8")))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise MapError(f"{source}: not a TOML file: {error}") from error
     except ValidationError as error:
         faults = [f"{'.'.join(map(str, e['loc'])) or 'map'}: {e['msg']}" for e in error.errors()]

@@ -220,6 +220,9 @@ class ScpiLink:
                 raise error.with_context(
                     command=command, elapsed_s=elapsed_s, resource=self._link.resource
                 ) from error.__cause__
+            except BaseException:  # a signal: the reply is still under way
+                self._doubted_at = time.monotonic()
+                raise
 
     def _make_ready(self) -> None:
         """Nothing may be under way that could pass for the next reply."""

@@ -11,6 +11,7 @@ late, and would pass for the answer to the next question: such a link is put in 
 
 import contextlib
 import glob
+import os
 import termios
 import threading
 import time
@@ -255,8 +256,12 @@ def _open_port(resource: str, settings: dict[str, Any], timeout_s: float) -> Por
     except (OSError, ValueError, termios.error) as error:
         reason = str(error)
         advice = next((advice for sign, advice in _ADVICE if sign in reason), "")
+        number = getattr(error, "errno", None)
+        short = (
+            os.strerror(number) if number and "lock" not in reason else reason
+        )  # pyserial says it three times
         raise LinkUnavailable(
-            f"cannot open {resource}: {reason}" + (f"; {advice}" if advice else ""), resource=resource
+            f"cannot open {resource}: {short}" + (f"; {advice}" if advice else ""), resource=resource
         ) from error
 
 

@@ -255,7 +255,8 @@ def _notes(found: Survey) -> Iterator[str]:
     times, wild, shared = found.times, found.wild, found.shared
     yield (
         f"own time per point, median: {np.median(times.wall_ms):.1f} ms wall, "
-        f"{np.median(times.processor_ms):.1f} ms processor; four durable commits a point, on this machine's disk"
+        f"{np.median(times.processor_ms):.1f} ms processor; four durable commits a point; one page forced to this disk "
+        f"takes {np.median(times.disk_ms):.1f} ms, {_p95(times.disk_ms):.1f} ms at the 95th percentile, by itself"
     )
     yield f"{sum(seen.seen for seen in wild)} commands seen on the wires of {len(wild)} benches with random limits"
     if shared is None:

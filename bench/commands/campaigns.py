@@ -11,6 +11,7 @@ from rich.table import Table
 from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError, StateError
+from bench.states import STOPPED
 from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_url
 from bench.table_file import file_hash, write_table
 from models.dataset import DatasetError, load_measurements
@@ -103,7 +104,8 @@ def running(store: Store, campaign_id: int | None) -> Row:
     if campaign_id is not None:
         row = store.campaign(campaign_id)
         if not row["is_live"]:
-            raise StateError(f"campaign {campaign_id} is not running: {row['shown']}")
+            hint = "; d2ea resume goes on with it" if row["shown"] in STOPPED else ""
+            raise StateError(f"campaign {campaign_id} is not running: {row['shown']}{hint}")
         return row
     live = [row for row in store.campaigns() if row["is_live"]]
     if not live:

@@ -20,8 +20,14 @@ from bench.errors import InputError, StoreError
 from bench.store.tables import SCHEMA, metadata, schema
 
 DEFAULT_URL = "sqlite:///d2ea-data/d2ea.sqlite"
-BUSY_MS = 10_000  # another process (status, export) may hold the file for a moment
+BUSY_MS = (
+    5_000  # another process (status, export) may hold the file for a moment; less than beats may be missed
+)
 SCHEMA_LOCK = 0xD2EA  # PostgreSQL: only one process at a time makes the tables
+BOUNDED = {  # seconds, and ms: a network that is gone is noticed, not waited for
+    "connect_timeout": 5, "keepalives_idle": 5, "keepalives_interval": 2, "keepalives_count": 2,
+    "tcp_user_timeout": 8000,
+}  # fmt: skip
 MEMORY = (None, "", ":memory:")
 
 _ADVICE = (
@@ -152,6 +158,8 @@ def _file_of(url: URL) -> Path | None:
 
 
 def _engine(url: URL, synchronous: str) -> Engine:
+    if url.get_backend_name() == "postgresql":
+        return create_engine(url, pool_pre_ping=True, connect_args=dict(BOUNDED))
     engine = create_engine(url)
     if engine.dialect.name == "sqlite":
 

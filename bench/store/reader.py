@@ -121,6 +121,12 @@ class Reader:
         with self._db.reading() as db:
             return list(db.execute(query.order_by(events.c.id)).mappings())
 
+    def settled(self, campaign_id: int) -> int:
+        """How many of the rows measured had settled in time."""
+        measured = (readings.c.campaign_id == campaign_id, readings.c.settled.is_(True))
+        with self._db.reading() as db:
+            return int(db.execute(select(func.count()).select_from(readings).where(*measured)).scalar() or 0)
+
     def time_s(self, campaign_id: int) -> float:
         """Campaign time of the last thing that is stored of it."""
         query = select(func.max(events.c.time_s)).where(events.c.campaign_id == campaign_id)

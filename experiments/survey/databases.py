@@ -1,12 +1,15 @@
 """The bench software's own time per point, databases that fail in the middle of a run, and benches that share one."""
 
 import multiprocessing
+import os
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+
+from sqlalchemy.engine import make_url
 
 from bench.campaign import resume_campaign, run_campaign
 from bench.errors import StoreError
@@ -20,7 +23,7 @@ from experiments.survey.campaign import campaign, predict
 from experiments.survey.instant import InstantBench, instant_bench
 
 FAILURES = ("disk_full", "read_only", "locked", "gone")
-LOCKED_S = 12.0  # longer than the store waits for a lock
+LOCKED_S = 7.0  # longer than the store waits for a lock
 TOO_LONG_S = 120.0
 
 
@@ -30,6 +33,7 @@ class PointTimes:
 
     wall_ms: list[float]
     processor_ms: list[float]
+    disk_ms: list[float]  # of a small write that is forced to the same disk, nothing else
 
 
 def time_per_point(url: str, points: int, seed: int) -> PointTimes:
@@ -46,8 +50,25 @@ def time_per_point(url: str, points: int, seed: int) -> PointTimes:
         run_campaign(job, store, bench.clock, around=bench.around(), progress=mark)
     pairs = list(pairwise(marks))
     return PointTimes(
-        wall_ms=[1e3 * (b[0] - a[0]) for a, b in pairs], processor_ms=[1e3 * (b[1] - a[1]) for a, b in pairs]
+        wall_ms=[1e3 * (b[0] - a[0]) for a, b in pairs],
+        processor_ms=[1e3 * (b[1] - a[1]) for a, b in pairs],
+        disk_ms=_forced_writes(url, len(pairs)),
     )
+
+
+def _forced_writes(url: str, count: int) -> list[float]:
+    """How long the disk under a database takes for a page, in milliseconds."""
+    file = Path(make_url(url).database or "x").with_suffix(".probe")
+    taken = []
+    with file.open("wb") as probe:
+        for _ in range(count):
+            began = time.perf_counter()
+            probe.write(bytes(4096))
+            probe.flush()
+            os.fdatasync(probe.fileno())
+            taken.append(1e3 * (time.perf_counter() - began))
+    file.unlink()
+    return taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,10 +7,11 @@ import pytest
 from bench.campaign import run_campaign
 from bench.errors import BenchTaken, BenchUnsafe, CampaignStopped, StateError
 from bench.job import Job
+from bench.plan import Kind, PlannedPoint
 from bench.process import Owner
 from bench.progress import Progress
-from bench.states import State, shown_state
-from bench.store import BenchState, LinkReport, Moment, Provenance, Settling, Store
+from bench.states import PointState, State, shown_state
+from bench.store import BenchState, LinkReport, Moment, Provenance, Settling, Store, StoredReading
 from tests.bench.fake_bench import FakeInstruments, bench_config, campaign_config, predict
 
 DEAD = Owner(host=Owner.here().host, process=Owner.here().process, began="long ago")
@@ -75,6 +76,39 @@ def test_a_step_cannot_be_taken_twice(store: Store) -> None:
     store.move(campaign_id, State.PLANNED, State.CHECKING, time_s=0.0)
     with pytest.raises(StateError, match="somebody else has moved it"):
         store.move(campaign_id, State.PLANNED, State.CHECKING, time_s=0.0)
+
+
+def test_a_point_is_set_settled_measured_and_judged_once_and_in_this_order(store: Store) -> None:
+    row = PlannedPoint(point=0, repeat=0, kind=Kind.LOAD, D1=0.8, D2=0.1, power_W=500.0)
+    campaign_id = store.create_campaign("c", PROVENANCE, [row])
+    point_id = store.unfinished(campaign_id)[0]["id"]
+    reading = StoredReading(numbers={"P1_W": 510.0, "P2_W": math.inf}, settled=True, quality="good")
+    for state in (PointState.SETTLED, PointState.ACCEPTED):
+        with pytest.raises(StateError, match="cannot become"):
+            store.advance(campaign_id, point_id, state)
+    store.advance(campaign_id, point_id, PointState.SET)
+    store.advance(campaign_id, point_id, PointState.SETTLED)
+    store.add_reading(campaign_id, point_id, reading)
+    with pytest.raises(StateError, match="cannot become measured"):
+        store.add_reading(campaign_id, point_id, reading)
+    store.advance(campaign_id, point_id, PointState.ACCEPTED)
+    with pytest.raises(StateError, match="cannot become rejected"):
+        store.advance(campaign_id, point_id, PointState.REJECTED)
+    stored = store.stored_reading(point_id)
+    assert (stored["P1_W"], stored["P2_W"]) == (510.0, None)  # what is infinite is no measurement
+
+
+@pytest.mark.parametrize("quality", ["stale", "overrange", "no_data"])
+def test_nothing_measured_is_stored_of_a_row_that_is_not_good(store: Store, quality: str) -> None:
+    row = PlannedPoint(point=0, repeat=0, kind=Kind.LOAD, D1=0.8, D2=0.1, power_W=500.0)
+    campaign_id = store.create_campaign("c", PROVENANCE, [row])
+    point_id = store.unfinished(campaign_id)[0]["id"]
+    store.advance(campaign_id, point_id, PointState.SET)
+    store.advance(campaign_id, point_id, PointState.SETTLED)
+    numbers = {"D1": 0.8, "P1_W": 510.0, "P2_W": 9.91e37}
+    store.add_reading(campaign_id, point_id, StoredReading(numbers=numbers, settled=True, quality=quality))
+    stored = store.stored_reading(point_id)
+    assert (stored["D1"], stored["P1_W"], stored["P2_W"]) == (0.8, None, None)
 
 
 def test_a_campaign_whose_process_died_is_shown_interrupted(store: Store) -> None:

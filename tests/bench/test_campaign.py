@@ -2,14 +2,17 @@
 
 from contextlib import nullcontext
 from datetime import datetime
+from pathlib import Path
 
 import pytest
 
 from bench.campaign import Surroundings, run_campaign
 from bench.connect import BenchFaults
-from bench.errors import Aborted, BenchUnsafe, LimitReached, OutputLost, StateError
+from bench.errors import Aborted, BenchUnsafe, CampaignStopped, LimitReached, OutputLost, StateError
+from bench.instruments import Bench
 from bench.job import CampaignOutcome, Job
 from bench.progress import Progress
+from bench.safety import PowerOffReport, StepReport
 from bench.states import TRANSITIONS, State, check_transition
 from bench.store import Store
 from drivers.errors import LinkLost
@@ -270,3 +273,49 @@ def test_the_transition_table_is_closed_and_ends_are_final() -> None:
     assert set(TRANSITIONS) == set(State)
     with pytest.raises(StateError, match="cannot become"):
         check_transition(State.DONE, State.RUNNING)
+
+
+def test_a_signal_in_the_middle_of_the_power_off_begins_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake, store, real, calls = FakeInstruments(), memory(), Bench.power_off, []
+
+    def interrupted(bench: Bench) -> PowerOffReport:
+        calls.append("power off")
+        if len(calls) == 1:
+            raise Aborted("interrupted by the operator")
+        return real(bench)
+
+    monkeypatch.setattr(Bench, "power_off", interrupted)
+    run(fake, store)
+    assert calls == ["power off"] * 2
+    assert fake.off
+    assert last_state(store) == State.DONE
+
+
+def test_off_at_the_second_go_is_no_unsafe_bench(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake, store, real, reports = FakeInstruments(), memory(), Bench.power_off, []
+    unseen = PowerOffReport(steps=(StepReport(step="load", confirmed=False, said="NOT confirmed off"),))
+
+    def first_unseen(bench: Bench) -> PowerOffReport:
+        reports.append(real(bench) if reports else unseen)
+        return reports[-1]
+
+    monkeypatch.setattr(Bench, "power_off", first_unseen)
+    with pytest.raises(CampaignStopped, match="only at the second go"):
+        run(fake, store, progress=lambda progress: store.ask(1, "pause") if progress.done == 4 else None)
+    assert fake.off
+    assert last_state(store) == State.FAILED
+
+
+def test_an_unsafe_bench_outranks_a_database_that_is_gone(tmp_path: Path) -> None:
+    fake = FakeInstruments()
+    with Store(f"sqlite:///{tmp_path}/x.sqlite") as store:
+
+        def lose_both(progress: Progress) -> None:
+            if progress.done == 3:
+                fake.broken.add("supply off")
+                (tmp_path / "x.sqlite").rename(tmp_path / "away.sqlite")
+
+        with pytest.raises(BenchUnsafe, match="supply NOT confirmed off"):
+            run(fake, store, progress=lose_both)
+    assert not fake.pwm
+    assert not fake.load_on

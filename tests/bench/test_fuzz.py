@@ -37,11 +37,12 @@ def refused(kind: type[Exception], act: Callable[[], object]) -> str | None:
 
 @RUNS
 @given(
-    text=st.one_of(TOML, st.text(max_size=40)), read=st.sampled_from([read_bench, read_campaign, read_faults])
+    content=st.one_of(TOML.map(str.encode), st.binary(max_size=40)),
+    read=st.sampled_from([read_bench, read_campaign, read_faults]),
 )
-def test_any_text_is_a_file_or_an_input_error(tmp_path: Path, text: str, read: object) -> None:
+def test_any_bytes_are_a_file_or_an_input_error(tmp_path: Path, content: bytes, read: object) -> None:
     file = tmp_path / "any.toml"
-    file.write_text(text, encoding="utf-8", errors="replace")
+    file.write_bytes(content)
     said = refused(InputError, lambda: read(file))  # type: ignore[operator]
     assert said is None or "any.toml" in said
 

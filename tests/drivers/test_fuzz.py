@@ -3,6 +3,7 @@
 import math
 import tomllib
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymodbus.framer import FramerType
@@ -15,7 +16,7 @@ from drivers.mocks.faults import FaultFile
 from drivers.mocks.modbus_dc import MockSupply
 from drivers.mocks.scpi_analyzer import ScpiAnalyzer
 from drivers.modbus_link import ModbusLink
-from drivers.modbus_map import Space
+from drivers.modbus_map import MapError, Space, load_map
 from drivers.reading import Quality
 from drivers.scpi import (
     ScpiLink,
@@ -155,6 +156,19 @@ def test_no_mock_falls_over_what_a_client_sends(chunk: bytes) -> None:
     ScpiAnalyzer(plant).handle(chunk + b"\n")
     MockController(plant).handle(b"\0" + chunk + b"\0")
     MockSupply(FakeDcPlant(), unit=0).answer(0, chunk)
+
+
+@RUNS
+@given(
+    content=st.one_of(st.binary(max_size=60), st.text('[]="aeiklmnrstu_ \n0123', max_size=60).map(str.encode))
+)
+def test_a_register_map_is_one_or_a_map_error(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    file = tmp_path_factory.mktemp("maps") / "any.toml"
+    file.write_bytes(content)
+    with pytest.raises(MapError, match=r"any\.toml"):
+        load_map(file)
 
 
 @RUNS
