@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from drivers.mocks.lab.survey import schedule, survey
 from experiments.harness.registry import Experiment
@@ -20,7 +21,7 @@ from experiments.study.lessons import mean_and_spread
 from experiments.study.pictures import COLOURS, dress, panels, picture
 from models.boosting import XGBOOST_I, XGBOOST_II, BoostedTrees, Floats
 from sim.model import Model
-from sim.simulate import Points, simulate
+from sim.simulate import Points, can_run, simulate
 
 MORE = ("voltage_ratio", "inductance")
 INPUTS = ("D1", "D2", "P2_W", *MORE)
@@ -96,24 +97,34 @@ def _under(part: pd.DataFrame, V1_V: float, deviation: float) -> pd.DataFrame:
 
 
 def measured_rows(number: int, count: int, rng: np.random.Generator) -> pd.DataFrame:
-    """A lab's readings at random points under all conditions."""
-    lab, parts = laboratory(number), []
-    for V1_V in VOLTAGES_V:
-        for deviation in INDUCTANCES:
-            inductor = lab.converter.inductor
-            other = replace(inductor, inductance_H=float(inductor.inductance_H) * (1 + deviation))
-            changed = replace(lab, converter=replace(lab.converter, inductor=other))
-            points = _feasible(
-                max(2, round(count / len(VOLTAGES_V) / len(INDUCTANCES))), V1_V, deviation, rng
-            )
-            plan = schedule(*points.T, standby=0, no_load=0, reference_every=len(points) + 1)
-            still = replace(plan, time_s=np.zeros(plan.time_s.size), supply_V=V1_V)
-            table = survey(changed, still, seed=seed_of(number))
-            parts.append(_under(table[table["kind"] == "load"], V1_V, deviation))
-    return pd.concat(parts, ignore_index=True)
+    """A lab's readings at random points under all conditions, one campaign."""
+    lab = laboratory(number)
+    each = max(2, round(count / len(VOLTAGES_V) / len(INDUCTANCES)))
+    points = np.concatenate([_feasible(each, L, rng) for L in INDUCTANCES for _ in VOLTAGES_V])
+    V1_V = np.tile(np.repeat(VOLTAGES_V, each), len(INDUCTANCES))
+    deviation = np.repeat(INDUCTANCES, each * len(VOLTAGES_V))
+    plan = schedule(*points.T, standby=0, no_load=0, reference_every=len(points) + 1)
+    row = np.concatenate([[0], np.arange(len(points))])  # the reference comes first
+    inductor = lab.converter.inductor
+    other = replace(inductor, inductance_H=float(inductor.inductance_H) * (1 + deviation[row]))
+    changed = replace(lab, converter=replace(lab.converter, inductor=other))
+    still = replace(plan, time_s=np.zeros(row.size), supply_V=V1_V[row])
+    table = survey(changed, still, seed=seed_of(number))
+    kept = table[table["kind"] == "load"]
+    place = _rows_of(kept, points)
+    return kept.assign(voltage_ratio=2.0 * 140.0 / V1_V[place], inductance=deviation[place]).reset_index(
+        drop=True
+    )
 
 
-def _feasible(count: int, V1_V: float, deviation: float, rng: np.random.Generator) -> Array:
+def _rows_of(table: pd.DataFrame, points: Array) -> NDArray[np.intp]:
+    """Which point each row is of, by the power that was set."""
+    order = np.argsort(points[:, 2])
+    return np.asarray(order[np.searchsorted(points[order, 2], table["P_set_W"].to_numpy(dtype=np.float64))])
+
+
+def _feasible(count: int, deviation: float, rng: np.random.Generator) -> Array:
+    """Points that run at the lowest voltage."""
     model, found = (
         Model.baseline().with_effect("leakage_inductance", relative_error=deviation),
         np.empty((0, 3)),
@@ -121,7 +132,7 @@ def _feasible(count: int, V1_V: float, deviation: float, rng: np.random.Generato
     while len(found) < count:
         drawn = np.stack(_drawn(4 * count + 12, rng), axis=1)
         D1, D2, power_W = drawn.T
-        runs = simulate(model, Points(D1=D1, D2=D2, power_W=power_W, V1_V=V1_V)).feasible
+        runs = can_run(model, Points(D1=D1, D2=D2, power_W=power_W, V1_V=min(VOLTAGES_V)))
         found = np.concatenate([found, drawn[runs]])
     return found[:count]
 

@@ -20,6 +20,7 @@ from sim.simulate import Points, can_run
 POINTS = 100.0
 POWER_W = 1000.0
 LATTICE = 16
+LOWEST = 92.0  # of the drawn surface, per cent
 PAPER_GAP = 1.1
 KINDS = (SIMULATION_ONLY, EXPERIMENT_ONLY, D2EA)
 
@@ -94,12 +95,13 @@ def _surface(models: dict[str, StagedModel], measured: pd.DataFrame) -> Picture:
     D1, D2 = np.meshgrid(nodes, nodes, indexing="ij")
     runs = can_run(Model.baseline(), Points(D1=D1.ravel(), D2=D2.ravel(), power_W=POWER_W)).reshape(D1.shape)
     height = np.where(runs, POINTS * models[D2EA].predict(D1, D2, POWER_W), np.nan)
+    height[height < LOWEST] = np.nan
     figure = canvas(6.6, 4.8)
     axes = figure.add_subplot(projection="3d")
     axes.plot_surface(
-        D1, D2, height, cmap=MAP, alpha=0.45, linewidth=0, vmin=90, vmax=98.5, rcount=60, ccount=60
+        D1, D2, height, cmap=MAP, alpha=0.45, linewidth=0, vmin=LOWEST, vmax=98.5, rcount=60, ccount=60
     )
-    some = measured.iloc[::2]
+    some = measured[POINTS * measured["efficiency"] > LOWEST].iloc[::2]
     place = some["D1"], some["D2"]
     axes.scatter(
         *place, POINTS * some["efficiency"], color=COLOURS[3], s=14, depthshade=False, label="measured"
@@ -111,11 +113,13 @@ def _surface(models: dict[str, StagedModel], measured: pd.DataFrame) -> Picture:
     axes.set_ylabel("D2 (half periods)", fontsize=9)
     axes.set_zlabel("efficiency (%)", fontsize=9)
     axes.tick_params(labelsize=8)
-    axes.set_zlim(90, 99)
+    axes.set_xlim(0.25, 1.0)
+    axes.set_ylim(0.0, 0.8)
+    axes.set_zlim(LOWEST, 99)
     axes.view_init(elev=24, azim=-125)
     axes.legend(fontsize=8, frameon=False, loc="upper left")
     figure.text(0.98, 0.02, LABEL, fontsize=7, color=SOFT, ha="right", style="italic")
-    caption = "1 kW: measured points, XGBoost-I's predictions there, and D²EA's surface; below 90 % nothing is shown."
+    caption = "1 kW: measured points, XGBoost-I's predictions there, and D²EA's surface; below 92 % nothing is shown."
     return picture(figure, "surface", caption, virtual=False)
 
 

@@ -142,7 +142,7 @@ def _table(title: str, errors: list[Errors], of: Callable[[list[Errors], str, in
 
 
 def _lines(errors: list[Errors]) -> Picture:
-    figure, axes = panels(1, 2, width_in=8.6, height_in=3.9)
+    figure, axes = panels(1, 2, width_in=8.6, height_in=4.4)
     for axis, kinds, title in (
         (axes[0], PAPERS, "The paper's five"),
         (axes[1], (D2EA, *BEYOND, CALIBRATED), "Beyond the paper"),
@@ -164,10 +164,10 @@ def _lines(errors: list[Errors]) -> Picture:
         axis.set_xticks(sizes_shown := _sizes(errors), [str(n) for n in sizes_shown])
         axis.minorticks_off()
         axis.yaxis.set_major_formatter("{x:g}")
-        axis.legend(fontsize=7, frameon=False, loc="lower left")
+        axis.legend(fontsize=7, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
     limits = np.array([axis.get_ylim() for axis in axes])
     for axis in axes:
-        axis.set_ylim(float(limits[:, 0].min() / 3), float(limits[:, 1].max()))
+        axis.set_ylim(float(limits[:, 0].min()), float(limits[:, 1].max()))
     caption = "Error over the number of measured points: lines are means over runs and labs, areas hold 80 % of them."
     return picture(figure, "data-sizes", caption)
 

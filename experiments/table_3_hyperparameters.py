@@ -16,7 +16,7 @@ from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Comparison, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import campaign, campaign_points, grid_table, lab_numbers, loads_of
-from experiments.study.pictures import COLOURS, dress, legend, panels, picture
+from experiments.study.pictures import COLOURS, dress, legend_below, panels, picture
 from models.accuracy import accuracy_of
 from models.boosting import XGBOOST_I, XGBOOST_II, BoostedTrees, BoostSettings, Floats
 from models.splits import Split, split_experiment, split_simulation
@@ -170,7 +170,7 @@ def _ranking(name: str, tried: Sequence[Tried], paper: BoostSettings) -> Table:
 
 
 def _curves(both: dict[str, tuple[list[Tried], BoostSettings]]) -> Picture:
-    figure, axes = panels(1, 2, width_in=8.4, height_in=3.2)
+    figure, axes = panels(1, 2, width_in=8.4, height_in=3.6)
     for axis, (name, (tried, paper)) in zip(axes, both.items(), strict=True):
         for colour, depth in zip(COLOURS, DEPTHS, strict=False):
             best = [min((t.test for t in tried if t.settings.depth == depth and t.settings.trees == n), default=np.nan)
@@ -181,7 +181,7 @@ def _curves(both: dict[str, tuple[list[Tried], BoostSettings]]) -> Picture:
             [paper.trees], [own.test], marker="*", ms=13, color="#111111", ls="", label="the paper's choice"
         )
         dress(axis, name, "trees", "mean |error| on the test set (points)")
-    legend(axes[0], columns=2)
+    legend_below(figure, axes[0])
     caption = (
         "Lowest test error over rates and penalties, by depth and number of trees; stars: the paper's choice."
     )

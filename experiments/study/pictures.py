@@ -53,6 +53,14 @@ def legend(axes: Axes, *, columns: int = 1) -> None:
     axes.legend(fontsize=8, frameon=False, ncols=columns, loc="best", labelcolor=TEXT)
 
 
+def legend_below(figure: Figure, axes: Axes, *, columns: int = 4) -> None:
+    """One legend under all axes, where it hides nothing."""
+    entries = axes.get_legend_handles_labels()
+    figure.legend(
+        *entries, fontsize=8, frameon=False, ncols=columns, loc="outside lower center", labelcolor=TEXT
+    )
+
+
 def colour_bar(figure: Figure, mesh: ScalarMappable, axes: Sequence[Axes], label: str) -> None:
     """A bar beside axes that share one scale of colours; it goes on below its range."""
     bar = figure.colorbar(mesh, ax=list(axes), extend="min")

@@ -1,5 +1,7 @@
 """The tree ensembles: their settings, their leaves as boxes, and that a file gives back the same model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,3 +70,19 @@ def test_settings_out_of_range_are_refused():
         BoostSettings(depth=3, trees=5, l2=1.0, rate=0.0)
     with pytest.raises(ValueError, match="depth"):
         BoostSettings(depth=0, trees=5, l2=1.0, rate=0.1)
+
+
+def test_the_first_trees_are_what_shorter_training_gives(trees, converter):
+    table = converter.measured_table(150, seed=1)
+    inputs = (table["D1"], table["D2"], table["P2_W"])
+    short = BoostedTrees.fit(inputs, table["efficiency"], replace(XGBOOST_II, trees=20))
+    np.testing.assert_array_equal(trees.first(20).predict(*inputs), short.predict(*inputs))
+
+
+def test_further_inputs_are_learned_and_have_no_boxes():
+    rng = np.random.default_rng(3)
+    x = rng.random((4, 400))
+    five = BoostedTrees.fit(list(x), x[3] > 0.5, XGBOOST_II, ("voltage_ratio",))
+    assert five.predict(0.5, 0.5, 0.5, np.array([0.2, 0.8])).round(2).tolist() == [0.0, 1.0]
+    with pytest.raises(ValueError, match="further inputs"):
+        five.boxes()

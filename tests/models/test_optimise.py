@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.exhaustive import exact_optimum
+from models.exhaustive import NEAR, exact_optimum
 from models.feasibility import FeasibleMap
 from models.optimise import optimise, optimise_exactly
 from models.pso import PSO_SAVL, PSO_SAVL_POLISHED
@@ -64,6 +64,16 @@ def test_no_point_of_a_fine_lattice_beats_the_exact_optimum(converter, mask, mod
         best = efficiency[mask.allowed(D1, D2, load)].max()
         assert best <= exact.value[load] + 1e-6  # rounding of 234 single-precision sums
         assert best > exact.value[load] - 5e-4  # and it is no mirage: a nearby lattice point comes close
+
+
+def test_the_target_is_the_share_of_the_square_that_is_as_good(converter, mask, model):
+    best = exact_optimum(model, mask)
+    rng, load = np.random.default_rng(5), 4
+    D1, D2 = mask.snap(rng.random(200_000), rng.random(200_000))
+    value = np.where(mask.allowed(D1, D2, load), model.predict(D1, D2, mask.loads_W[load]), -np.inf)
+    share = np.mean(value >= best.value[load] - NEAR)
+    # binomial: five standard deviations of a share of about 1e-3 in 200,000 draws
+    assert abs(share - best.near_share[load]) < 5 * np.sqrt(max(share, 1e-4) / 200_000)
 
 
 def test_the_exact_optimum_is_allowed_and_confirmed(converter, mask, model):

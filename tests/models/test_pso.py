@@ -10,7 +10,9 @@ from models.pso import (
     OPTIMISERS,
     PSO_SAVL,
     PSO_SAVL_PRINTED,
+    PSO_SAVL_SHARED,
     ParticleSwarm,
+    _take_over,
     evolutionary_state,
     printed_limit,
     savl_limit,
@@ -144,3 +146,18 @@ def test_the_swarm_starts_on_allowed_points():
     problem = Bowls(CENTRES, wall=0.8)
     ParticleSwarm(name="one step", limit=savl_limit, redraw=True, iterations=1).maximise(problem, seed=1)
     assert problem.allowed(problem.calls[0]).all()
+
+
+def test_a_leader_is_taken_over_by_the_loads_beside_it():
+    x, leader = np.zeros((3, 4, 2)), np.array([[0.1, 0.1], [0.5, 0.5], [0.9, 0.9]])
+    value = np.array([[3.0, 1.0, 2.0, 4.0]] * 3)
+    _take_over(x, value, leader)
+    assert x[1, [1, 2], 0].tolist() == [0.1, 0.9]  # the two worst of the middle swarm
+    assert x[0, [1, 2], 0].tolist() == [0.1, 0.5]  # the first one has one neighbour, and itself
+    assert (x[:, [0, 3]] == 0).all()
+
+
+def test_sharing_costs_no_evaluation():
+    problem = Bowls(CENTRES)
+    PSO_SAVL_SHARED.maximise(problem, seed=0)
+    assert [x.shape for x in problem.calls] == [(3, 10, 2)] * 50

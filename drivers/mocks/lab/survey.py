@@ -28,7 +28,7 @@ _IDLE = (0.8, 0.0)  # D1, D2 of a converter that runs without load
 class Schedule:
     """Set points in the order of a campaign, arrays (N,); ``kind`` as in the measurement table.
 
-    ``supply_V`` is what the dc supply is set to.
+    ``supply_V`` is what the dc supply is set to, for all rows or for each.
     """
 
     D1: Array
@@ -36,7 +36,7 @@ class Schedule:
     power_W: Array
     kind: NDArray[np.str_]
     time_s: Array
-    supply_V: float = SUPPLY_V
+    supply_V: float | Array = SUPPLY_V
 
     def followed_by(self, later: Self, pause_s: float = 3600.0) -> Self:
         """This schedule and, after a pause, another one."""
