@@ -41,7 +41,7 @@ class Viewer:
         given = dict(_PAIR.findall(found[1]))  # names in quotes, values as they come
         query = given | {"tab_id": str(uuid.uuid4()), "document_id": str(uuid.uuid4())}
         query |= {"implicit_handshake": "true"}
-        self._client = socketio.AsyncClient(http_session=self._session)
+        self._client = socketio.AsyncClient(http_session=self._session, reconnection=False)
         self._client.on("*", self._take)
         parameters = "&".join(f"{name}={value}" for name, value in query.items())
         base = self.address.rstrip("/")
