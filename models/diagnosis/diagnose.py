@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 LEAST_ROWS = 12
 _Z95 = 1.96
+_CLIPPED = 3.0  # sigmas
 _OUTLIER = 6.0  # sigmas: one normal reading in a billion
 
 
@@ -314,10 +315,15 @@ def diagnose(
 
 
 def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:
-    """Chi-squared per reading that the most probable hypothesis leaves where no leftover stands beside it."""
+    """Mean square in sigmas that the most probable hypothesis leaves where no leftover stands beside it.
+
+    Each reading counts up to three sigmas: a threshold that is a little elsewhere leaves a few rows far off.
+    """
     best = next(h.fit for h in hypotheses if h.leftover is None)
-    left = (setting.refinery.residual - best.shift)[None]
-    return float(setting.refinery.geometry.project(left).each_other[0, 0]) / left.size
+    refinery = setting.refinery
+    left = (refinery.residual - best.shift)[None]
+    sigmas = setting.sigma * refinery.geometry.solve(left, best.own(refinery.known))[0]
+    return float(np.mean(np.minimum(sigmas**2, _CLIPPED**2)))
 
 
 def _plain_row(row: Any) -> dict[str, Any]:
