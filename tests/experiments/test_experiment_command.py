@@ -65,7 +65,7 @@ def test_all_writes_one_page_with_every_row_and_keeps_what_is_done(
         (("blind_trials", "--scale", "0"), "--scale = 0.0"),
         (("blind_trials", "--quick", "--scale", "0.5"), "give one of the two"),
         (("blind_trials", "--only", "pears"), "--only = 'pears': one of single, pairs"),
-        (("simulator_benchmark", "--only", "pairs"), "simulator_benchmark has no parts"),
+        (("search_benchmark", "--only", "pairs"), "search_benchmark has no parts"),
     ],
 )
 def test_wrong_use_is_told(arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
