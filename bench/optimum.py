@@ -36,6 +36,10 @@ class BestModulation:
         """The optimum that PSO-SAVL finds, with its regret."""
         return optimise(model, self.loads_W, self.mask, seed=seed, optimiser=PSO_SAVL_POLISHED)
 
+    def best(self, model: EfficiencyModel, seed: int) -> OptimumTable:
+        """By the swarm where the model is made of trees, which it asks some thousand times; else on a lattice."""
+        return self.swarm(model, seed) if ensembles(model) is not None else self.exactly(model)
+
     def exactly(self, model: EfficiencyModel) -> OptimumTable:
         """The optimum without a search where the model is made of trees, else on a lattice."""
         if ensembles(model) is None:

@@ -1,9 +1,10 @@
 """Automatic retraining: new measurements → candidate → judged on blocks that nobody saw → promoted or kept out.
 
-The candidate is fitted to the accepted rows outside the held-out blocks (:mod:`models.held_blocks`) and judged on
-those inside, against the model in use and against the simulation itself, on the same rows: those that the model in
-use was not fitted to either. It is promoted when its mean absolute error is not larger than theirs; what was judged
-is what is used, no refit follows. Either way the decision and its reason go into the journal.
+A candidate of each kind (D²EA; the simulator itself with trees for the gap) is fitted to the accepted rows outside
+the held-out blocks (:mod:`models.held_blocks`). Those inside judge: the better candidate against the model in use and
+the simulation itself, on rows that the model in use was not fitted to either. It is promoted when its mean absolute
+error is not larger than theirs; what was judged is what is used, no refit follows. Either way the decision and its
+reason go into the journal.
 
 Nothing here touches a bench: it reads the database beside a campaign, which never waits for it.
 """
@@ -28,7 +29,7 @@ from models.feasibility import Bools
 from models.held_blocks import held_out
 from models.journal import Choice, Decision, Journal
 from models.lut import Lut
-from models.registry import Origin, Registry, data_hash
+from models.registry import ModelRecord, Origin, Registry, data_hash
 from models.surrogate import (
     D2EA,
     SIMULATOR_FIRST,
@@ -45,6 +46,7 @@ KINDS = (D2EA, SIMULATOR_FIRST)
 LEAST_FITTED = 20  # rows; fewer say little about anything
 LEAST_JUDGED = 5  # rows that neither model saw
 SIMULATION = "simulation"
+CANDIDATE = "candidate"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,12 +66,12 @@ class Retraining:
 
 @dataclass(frozen=True, kw_only=True)
 class Retrainer:
-    """Retrains one kind of model in one registry, against one simulator."""
+    """Retrains the models of one registry, against one simulator."""
 
     registry: Registry
     simulator: Model
     now: Callable[[], str]
-    kind: str = D2EA
+    kinds: tuple[str, ...] = KINDS  # of candidates; the best of them is judged against its rivals
     shape: tuple[int, int, int] = (25, 25, 20)  # of the simulated grid: D1, D2, power
     loads_W: tuple[float, ...] = LOADS_W  # of the table
 
@@ -94,33 +96,15 @@ class Retrainer:
             return Retraining(said="waiting: no accepted rows yet")
         held = held_out(data.rows)
         unseen = self._unseen(data, held)
-        if (~held).sum() < LEAST_FITTED or unseen.sum() < LEAST_JUDGED:
-            said = f"waiting: {(~held).sum()} rows to fit and {unseen.sum()} that no model saw"
-            return Retraining(said=f"{said}; {LEAST_FITTED} and {LEAST_JUDGED} are needed")
         sha = data_hash(data.rows, self.simulated)
-        if any(entry.data_sha256 == sha for entry in self.journal.decisions()):
-            return Retraining(said=f"nothing new since the last decision: {len(data)} rows")
-        candidate = self._fit(data.rows[~held])
+        if said := self._not_yet(int((~held).sum()), int(unseen.sum()), sha):
+            return Retraining(said=said)
         judged = data.rows[unseen]
-        models: dict[str, EfficiencyModel] = {"candidate": candidate} | self._rivals()
-        errors = errors_on(judged, models)
-        names = np.array(data.names)
-        record = self.registry.save(
-            candidate,
-            data_sha256=sha,
-            created=self.now(),
-            metrics={
-                HELD_OUT: errors["candidate"],
-                HALF_WIDTH: half_width(candidate.predict(*inputs_of(judged)), truth_of(judged)),
-            },
-            origin=Origin(
-                data=data.data,
-                virtual=data.virtual,
-                fitted=tuple(names[~held].tolist()),
-                held_out=tuple(names[held].tolist()),
-            ),
+        candidate, errors = self._best(data.rows[~held], judged)
+        record = self._keep(
+            candidate, data, held, sha=sha, metrics=_metrics(candidate, judged, errors[CANDIDATE])
         )
-        decision = self._decide(record.id, sha, errors, int(unseen.sum()))
+        decision = self._decide(record.id, sha, errors, len(judged))
         if decision.decision is not Choice.PROMOTED:
             return Retraining(said=said_of(decision), decision=self.journal.note(decision))
         lut = self.search.table(candidate, self.search.exactly(candidate), record.metrics[HALF_WIDTH])
@@ -128,14 +112,41 @@ class Retrainer:
         noted = self.journal.note(decision)  # last: a model in use always has its table
         return Retraining(said=said_of(noted), decision=noted, lut=lut, files=files)
 
+    def _not_yet(self, fitted: int, unseen: int, sha: str) -> str:
+        """Why nothing can be decided now; empty when it can."""
+        if fitted < LEAST_FITTED or unseen < LEAST_JUDGED:
+            needed = f"{LEAST_FITTED} and {LEAST_JUDGED} are needed"
+            return f"waiting: {fitted} rows to fit and {unseen} that no model saw; {needed}"
+        if any(entry.data_sha256 == sha for entry in self.journal.decisions()):
+            return f"nothing new since the last decision: {fitted} rows to fit, {unseen} to judge on"
+        return ""
+
+    def _keep(
+        self, candidate: StagedModel, data: TrainingData, held: Bools, *, sha: str, metrics: dict[str, float]
+    ) -> ModelRecord:
+        names = np.array(data.names)
+        fitted, held_names = (tuple(names[rows].tolist()) for rows in (~held, held))
+        origin = Origin(data=data.data, virtual=data.virtual, fitted=fitted, held_out=held_names)
+        return self.registry.save(
+            candidate, data_sha256=sha, created=self.now(), metrics=metrics, origin=origin
+        )
+
     def _unseen(self, data: TrainingData, held: Bools) -> Bools:
         """Rows in held-out blocks that the model in use was not fitted to, (N,) of bool."""
         used = self.journal.in_use()
         seen = frozenset(self.registry.origin(used).fitted) if used else frozenset()
         return np.asarray(held & np.array([name not in seen for name in data.names]))
 
-    def _fit(self, measured: pd.DataFrame) -> StagedModel:
-        if self.kind == SIMULATOR_FIRST:
+    def _best(self, fitted: pd.DataFrame, judged: pd.DataFrame) -> tuple[StagedModel, dict[str, float]]:
+        """The candidate of the smallest error, and the errors of it and its rivals on the same rows."""
+        candidates = {kind: self._fit(kind, fitted) for kind in self.kinds}
+        errors = errors_on(judged, {**candidates, **self._rivals()})
+        best = min(candidates, key=lambda kind: errors[kind])
+        rivals = {name: error for name, error in errors.items() if name not in candidates}
+        return candidates[best], {CANDIDATE: errors[best], **rivals}
+
+    def _fit(self, kind: str, measured: pd.DataFrame) -> StagedModel:
+        if kind == SIMULATOR_FIRST:
             return train_simulator_first(efficiency_of(self.simulator), measured)
         return train_d2ea(self.simulated, measured)
 
@@ -148,30 +159,37 @@ class Retrainer:
 
     def _decide(self, model: str, sha: str, errors: Mapping[str, float], judged: int) -> Decision:
         used = self.journal.in_use()
-        own = errors["candidate"]
-        better = {name: error for name, error in errors.items() if error < own}
-        told = f"{points_text(own)} points on {judged} unseen rows"
-        choice = Choice.KEPT_OUT
-        if model in self.journal.rolled_back():
-            reason = f"{told}, but a person took this very model back"
-        elif better:
-            rival = min(better, key=lambda name: better[name])
-            who = "the simulation alone has" if rival == SIMULATION else f"model {rival}, in use, has"
-            reason = f"{told}; {who} {points_text(better[rival])}"
-        else:
-            choice = Choice.PROMOTED
-            others = {SIMULATION: "the simulation"} | ({used: f"model {used}"} if used else {})
-            against = " and ".join(f"{others[name]} {points_text(errors[name])}" for name in others)
-            reason = f"{told}; {against}"
+        promoted, reason = self._verdict(model, errors, judged)
         return Decision(
             when=self.now(),
-            decision=choice,
+            decision=Choice.PROMOTED if promoted else Choice.KEPT_OUT,
             model=model,
             reason=reason,
-            replaced=used if choice is Choice.PROMOTED else None,
+            replaced=used if promoted else None,
             data_sha256=sha,
-            errors={model if name == "candidate" else name: error for name, error in errors.items()},
+            errors={model if name == CANDIDATE else name: error for name, error in errors.items()},
         )
+
+    def _verdict(self, model: str, errors: Mapping[str, float], judged: int) -> tuple[bool, str]:
+        """Whether the candidate is no worse than its rivals, and the reason in words."""
+        own = errors[CANDIDATE]
+        rivals = {
+            name: "the simulation" if name == SIMULATION else f"model {name}"
+            for name in errors
+            if name != CANDIDATE
+        }
+        told = f"{points_text(own)} points on {judged} unseen rows"
+        against = " and ".join(f"{said} {points_text(errors[name])}" for name, said in rivals.items())
+        if model in self.journal.rolled_back():
+            return False, f"{told}, but a person took this very model back"
+        if worse_than := [said for name, said in rivals.items() if errors[name] < own]:
+            return False, f"{told}; {against}: worse than {' and '.join(worse_than)}"
+        return True, f"{told}; {against}"
+
+
+def _metrics(candidate: StagedModel, judged: pd.DataFrame, error: float) -> dict[str, float]:
+    width = half_width(candidate.predict(*inputs_of(judged)), truth_of(judged))
+    return {HELD_OUT: error, HALF_WIDTH: width}
 
 
 def errors_on(measured: pd.DataFrame, models: Mapping[str, EfficiencyModel]) -> dict[str, float]:

@@ -4,39 +4,21 @@ Every number is a float, or an array that broadcasts over operating points, so t
 converter can be simulated in one call. All values are SI; resistances and drops are given at 25 degC.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim.checks import HOTTEST_C, REFERENCE_C, ParameterError, Quantity, check, not_negative, positive
 from sim.modulation import CLAMPED, SHIFTED
+from sim.wound_parts import Core, Inductor, Transformer, Winding
 
-Array = NDArray[np.float64]
-Quantity = float | NDArray[np.float64]
-REFERENCE_C = 25.0
-_BENDS = np.linspace(0.0, 1.4, 8)  # of a saturating inductor's flux, over the current at which it is told
+__all__ = [
+    "REFERENCE_C", "Capacitance", "Conduction", "Converter", "Core", "Diode", "FullBridge", "Inductor", "NpcBridge",
+    "ParameterError", "Quantity", "Recovery", "Switch", "SwitchingEnergy", "Transformer", "Winding", "leaves",
+]  # fmt: skip
 
-
-class ParameterError(ValueError):
-    """A parameter outside what is physically possible; names the field, the value and the range."""
-
-
-def _check(
-    owner: object, allowed: str, holds: Callable[[NDArray[np.float64]], NDArray[np.bool_]], *names: str
-) -> None:
-    for name in names:
-        value = np.asarray(getattr(owner, name), dtype=float)
-        if not (np.all(np.isfinite(value)) and np.all(holds(value))):
-            raise ParameterError(f"{type(owner).__name__}.{name} is {value}; allowed: finite and {allowed}")
-
-
-def _positive(owner: object, *names: str) -> None:
-    _check(owner, "> 0", lambda x: x > 0, *names)
-
-
-def _not_negative(owner: object, *names: str) -> None:
-    _check(owner, ">= 0", lambda x: x >= 0, *names)
+_LEAST_PER_K = -1.0 / (HOTTEST_C - REFERENCE_C)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +31,9 @@ class Conduction:
     resistance_per_K: Quantity = 0.0
 
     def __post_init__(self) -> None:
-        _not_negative(self, "threshold_V", "resistance_Ohm")
+        not_negative(self, "threshold_V", "resistance_Ohm")
+        check(self, f"> {_LEAST_PER_K:.2g}, else none is left at {HOTTEST_C:.0f} degC", lambda x: x > _LEAST_PER_K,
+              "threshold_per_K", "resistance_per_K")  # fmt: skip
 
     def at(self, junction_C: Quantity) -> tuple[Quantity, Quantity]:
         """Threshold in V and resistance in Ohm at a junction temperature.
@@ -79,8 +63,8 @@ class SwitchingEnergy:
     energy_per_K: Quantity = 0.0
 
     def __post_init__(self) -> None:
-        _not_negative(self, "energy_J")
-        _positive(self, "reference_V", "reference_A", "current_exponent", "voltage_exponent")
+        not_negative(self, "energy_J")
+        positive(self, "reference_V", "reference_A", "current_exponent", "voltage_exponent")
 
     def at(self, *, current_A: Quantity, voltage_V: Quantity, junction_C: Quantity) -> Quantity:
         """Energy in J; zero for a current that is not positive.
@@ -108,8 +92,8 @@ class Recovery:
     charge_per_K: Quantity = 0.0
 
     def __post_init__(self) -> None:
-        _not_negative(self, "charge_C")
-        _positive(self, "reference_A")
+        not_negative(self, "charge_C")
+        positive(self, "reference_A")
 
     def at(self, *, current_A: Quantity, junction_C: Quantity) -> Quantity:
         """Charge in C; zero for a current that is not positive.
@@ -131,8 +115,8 @@ class Capacitance:
     grading: float
 
     def __post_init__(self) -> None:
-        _positive(self, "zero_bias_F", "junction_V")
-        _check(self, "in (0, 1)", lambda x: (x > 0) & (x < 1), "grading")
+        positive(self, "zero_bias_F", "junction_V")
+        check(self, "in (0, 1)", lambda x: (x > 0) & (x < 1), "grading")
 
     def charge_C(self, voltage_V: Quantity) -> Quantity:
         """Charge from 0 to ``voltage_V`` (>= 0), in C.
@@ -175,7 +159,7 @@ class Switch:
     tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _positive(self, "thermal_K_per_W")
+        positive(self, "thermal_K_per_W")
 
     @property
     def backward(self) -> Conduction:
@@ -195,7 +179,7 @@ class Diode:
     tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _positive(self, "thermal_K_per_W")
+        positive(self, "thermal_K_per_W")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,112 +206,6 @@ class FullBridge:
     def modulations(self) -> tuple[str, ...]:
         """What this bridge can be driven by: it has no middle to be clamped at."""
         return SHIFTED
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Core:
-    """A core with Steinmetz loss ``P = k f^alpha B^beta`` per volume (SI: W/m3, Hz, T)."""
-
-    k: Quantity
-    alpha: float
-    beta: float
-    area_m2: float
-    volume_m3: float
-    turns: float
-
-    def __post_init__(self) -> None:
-        _not_negative(self, "k")
-        _positive(self, "alpha", "beta", "area_m2", "volume_m3", "turns")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Winding:
-    """A winding: dc resistance at 25 degC, and the extra resistance at ``ac_frequency_Hz``, relative.
-
-    The extra grows with frequency squared (the low-frequency branch of Dowell's equation, which litz
-    wire keeps to well above the switching frequency).
-    """
-
-    resistance_Ohm: Quantity
-    ac_extra: Quantity
-    resistance_per_K: Quantity = 0.0039
-
-    def __post_init__(self) -> None:
-        _not_negative(self, "resistance_Ohm", "ac_extra")
-
-    def at(self, temperature_C: Quantity) -> Quantity:
-        """Dc resistance in Ohm at a temperature.
-
-        >>> round(Winding(resistance_Ohm=0.1, ac_extra=0.0).at(125.0), 4)
-        0.139
-        """
-        return self.resistance_Ohm * (1 + self.resistance_per_K * (temperature_C - REFERENCE_C))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Inductor:
-    r"""The series inductor of the ac link, on the primary side.
-
-    ``inductance_H`` is that of a small current; at ``saturation_A`` it is lower by ``saturation`` (relative):
-    :math:`L(i) = L / (1 + s (i/I)^2)`, s = saturation / (1 - saturation), the slope of an arctangent.
-    The flux is taken as straight lines, bent at fifths of ``saturation_A``.
-    """
-
-    inductance_H: Quantity
-    winding: Winding
-    core: Core
-    thermal_K_per_W: Quantity
-    saturation: Quantity = 0.0
-    saturation_A: float = 15.0
-
-    def __post_init__(self) -> None:
-        _positive(self, "inductance_H", "thermal_K_per_W", "saturation_A")
-        _check(self, "in [0, 0.9]", lambda x: (x >= 0) & (x <= 0.9), "saturation")
-
-    @property
-    def saturates(self) -> bool:
-        """Whether the inductance depends on the current anywhere."""
-        return bool(np.any(np.asarray(self.saturation) > 0))
-
-    def bands(self) -> tuple[Array, Array]:
-        """Where the flux bends, (B - 1,) in A, and the inductance between, (B, ...), over that of a small current.
-
-        >>> core = Core(k=1.0, alpha=1.3, beta=2.5, area_m2=1e-4, volume_m3=1e-5, turns=10.0)
-        >>> winding = Winding(resistance_Ohm=0.1, ac_extra=0.0)
-        >>> coil = Inductor(inductance_H=1e-4, winding=winding, core=core, thermal_K_per_W=5.0, saturation=0.2)
-        >>> [row.round(3).tolist() for row in coil.bands()]
-        [[3.0, 6.0, 9.0, 12.0, 15.0, 18.0], [0.997, 0.977, 0.941, 0.89, 0.831, 0.768, 0.703]]
-        """
-        bends_A = self.saturation_A * _BENDS[1:-1]
-        share = np.asarray(self.saturation, dtype=float)
-        knee = np.sqrt(
-            np.maximum(share, 1e-12) / (1.0 - share)
-        )  # saturation_A over the arctangent's own scale
-        at = _BENDS.reshape(-1, *(1,) * share.ndim)
-        return bends_A, np.diff(np.arctan(knee * at) / knee, axis=0) / np.diff(at, axis=0)
-
-    def flux_Vs(self, current_A: Array) -> Array:
-        """Flux linkage in V s of a current above 0, (N,)."""
-        if not self.saturates:
-            return np.asarray(self.inductance_H * current_A)
-        bends_A, relative = self.bands()
-        begin, end = np.concatenate([[0.0], bends_A]), np.concatenate([bends_A, [np.inf]])
-        parts = (r * np.clip(current_A - b, 0.0, e - b) for r, b, e in zip(relative, begin, end, strict=True))
-        return np.asarray(self.inductance_H * sum(parts))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Transformer:
-    """The transformer, n:1; the winding is both windings referred to the primary."""
-
-    turns_ratio: float
-    magnetizing_H: Quantity
-    winding: Winding
-    core: Core
-    thermal_K_per_W: Quantity
-
-    def __post_init__(self) -> None:
-        _positive(self, "turns_ratio", "magnetizing_H", "thermal_K_per_W")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -358,10 +236,10 @@ class Converter:
     heatsink_K_per_W: Quantity
 
     def __post_init__(self) -> None:
-        _positive(self, "V1_V", "V2_V", "rated_power_W", "frequency_Hz", "heatsink_K_per_W")
-        _check(self, "a number", lambda x: x == x, "secondary_delay_s")
-        _not_negative(self, "dead_time_s")
-        _not_negative(self, "link_resistance_Ohm", "auxiliary_power_W", "input_cable_Ohm", "output_cable_Ohm")
+        positive(self, "V1_V", "V2_V", "rated_power_W", "frequency_Hz", "heatsink_K_per_W")
+        check(self, "a number", lambda x: x == x, "secondary_delay_s")
+        not_negative(self, "dead_time_s")
+        not_negative(self, "link_resistance_Ohm", "auxiliary_power_W", "input_cable_Ohm", "output_cable_Ohm")
         if np.any(np.asarray(self.dead_time_s) > 0.25 * self.half_period_s):
             raise ParameterError(
                 f"Converter.dead_time_s is {self.dead_time_s}; allowed: up to a quarter of the half period, "

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.bridges import part_names
+from sim.checks import HOTTEST_C
 from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, carries, operate
 from sim.model import Model
 from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
@@ -23,7 +24,6 @@ from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick, stack
-from sim.thermal import HOTTEST_C
 
 __all__ = ["PARTS", "Points", "Result", "can_run", "grid", "grid_of", "simulate", "simulate_many"]
 

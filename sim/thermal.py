@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.bridges import primary_scheme, secondary_scheme, switching_part
+from sim.checks import HOTTEST_C
 from sim.circuit import Temperatures
 from sim.parameters import Converter, Quantity
 
@@ -12,7 +13,6 @@ Array = NDArray[np.float64]
 _PIECES_OF_EACH = (
     4  # a bridge has four of each kind: outer and inner switches, clamp diodes, two-level switches
 )
-HOTTEST_C = 250.0  # beyond any part's rating; keeps an overloaded point's iteration finite
 
 
 def temperatures(converter: Converter, losses: dict[str, Array], ambient_C: Quantity) -> Temperatures:

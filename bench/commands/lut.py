@@ -59,7 +59,7 @@ def optimise(
     search = BestModulation(simulator=model_from(sim_model), loads_W=parse_powers(powers))
     record = chosen(Registry(folder), model_id)
     model = Registry(folder).load(record.id, efficiency_of(search.simulator))
-    optimum = search.swarm(model, seed)
+    optimum = search.best(model, seed)
     lut = search.table(model, optimum, record.metrics.get(HALF_WIDTH, math.nan))
     write_lut(lut, out_file, LutOrigin.of(record))
     write_beside(folder / record.id, lut, LutOrigin.of(record))

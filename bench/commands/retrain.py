@@ -18,7 +18,6 @@ from bench.store import Store, database_url
 from bench.training_data import TrainingData
 from models.dataset import load_measurements
 from models.registry import Registry
-from models.surrogate import D2EA
 
 app = typer.Typer()
 
@@ -37,7 +36,7 @@ def retrain(
     every: Annotated[
         int, typer.Option(min=1, help="with --watch: accepted rows between two retrainings")
     ] = 25,
-    kind: Annotated[str, typer.Option(help=f"of model: {' or '.join(KINDS)}")] = D2EA,
+    kind: Annotated[str, typer.Option(help=f"of model: {' or '.join(KINDS)}; else the better one")] = "",
     diagnose: Annotated[
         bool, typer.Option("--diagnose/--no-diagnose", help="renew the diagnosis as well")
     ] = True,
@@ -49,9 +48,10 @@ def retrain(
 
     With --watch it goes on beside a campaign, in a process of its own that yields to the measuring.
     """
-    if kind not in KINDS:
+    if kind and kind not in KINDS:
         raise InputError.of("command line", "--kind", kind, f"one of {', '.join(KINDS)}")
-    retrainer = Retrainer(registry=Registry(folder), simulator=model_from(sim_model), now=now, kind=kind)
+    kinds = (kind,) if kind else KINDS
+    retrainer = Retrainer(registry=Registry(folder), simulator=model_from(sim_model), now=now, kinds=kinds)
     with Store(database_url(db)) as store:
         if not keep_watching:
             data = newest_data(store, campaign_id)

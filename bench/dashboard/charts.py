@@ -9,37 +9,30 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.charts import DIFFERENCE, OKABE_ITO
-from bench.dashboard.view import LOADED
-from bench.store import Row
+from bench.dashboard.rows import Floats, Rows
 
 CELLS = 40  # per axis
 MOST = 1500  # points of a line or a cloud
 BANDS = {"all loads": (0.0, np.inf), "light": (0.0, 0.4), "medium": (0.4, 0.7), "heavy": (0.7, np.inf)}
 
-Floats = NDArray[np.float64]
 Figure = dict[str, Any]
 
 CONFIG = {"displayModeBar": False, "responsive": True, "scrollZoom": False}
 
 
-def columns(rows: Sequence[Row], *names: str) -> list[Floats]:
-    """Columns of rows as arrays (N,); what is missing is NaN."""
-    return [np.array([np.nan if row[n] is None else row[n] for row in rows], dtype=np.float64) for n in names]
-
-
-def loaded(rows: Sequence[Row], band: str, top_W: float) -> list[Row]:
+def loaded(rows: Rows, band: str, top_W: float) -> Rows:
     """Rows that carry power and were not rejected, in a band of load: shares of the campaign's largest, ``top_W``."""
     low, high = (share * top_W for share in BANDS[band])
-    kept = [row for row in rows if row.get("state") != "rejected" and row["kind"] in LOADED]
-    return [row for row in kept if low <= (row["P_set_W"] or row.get("P2_W") or 0.0) < high]
+    power_W = np.where(np.isfinite(rows.P_set_W), rows.P_set_W, np.nan_to_num(rows.P2_W))
+    return rows.where(rows.counted & (low <= power_W) & (power_W < high))
 
 
-def largest_W(planned: Sequence[Row]) -> float:
+def largest_W(planned: Rows) -> float:
     """The largest power of a campaign's set points; 1 W where there is none."""
-    return max((row["P_set_W"] or 0.0 for row in planned), default=0.0) or 1.0
+    known = planned.P_set_W[np.isfinite(planned.P_set_W)]
+    return float(known.max(initial=0.0)) or 1.0
 
 
 def in_cells(D1: Floats, D2: Floats, value: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -66,24 +59,22 @@ def colour_range(measured: Floats, simulated: Floats) -> tuple[float, float]:
     return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 
-def maps(rows: Sequence[Row], planned: Sequence[Row], band: str = "all loads") -> dict[str, Figure]:
+def maps(rows: Rows, planned: Rows, band: str = "all loads") -> dict[str, Figure]:
     """Efficiency over (D1, D2): measured, simulated (planned points too), and their difference."""
     top_W = largest_W(planned)
     shown, ahead = loaded(rows, band, top_W), loaded(planned, band, top_W)
-    D1, D2, measured, simulated = columns(shown, "D1", "D2", "efficiency", "predicted_efficiency")
-    ahead_D1, ahead_D2, predicted = columns(ahead, "D1", "D2", "predicted_efficiency")
+    measured, simulated, predicted = shown.efficiency, shown.predicted_efficiency, ahead.predicted_efficiency
     low, high = colour_range(measured, predicted)
     difference = 100 * (measured - simulated)
     known = np.abs(difference[np.isfinite(difference)])
     spread = float(np.quantile(known, 0.98)) if len(known) else 1.0
     efficiency = {"colorscale": "Cividis", "cmin": low, "cmax": high}
     diverging = {"colorscale": DIFFERENCE, "cmin": -max(spread, 1e-3), "cmax": max(spread, 1e-3)}
-    everything = columns([row for row in planned if row["kind"] in LOADED], "D1", "D2")
-    box = _box(everything[0], everything[1])
+    box = _box(planned.D1[planned.counted], planned.D2[planned.counted])
     return {
-        "measured": _map(in_cells(D1, D2, 100 * measured), efficiency, "%", box),
-        "simulated": _map(in_cells(ahead_D1, ahead_D2, 100 * predicted), efficiency, "%", box),
-        "difference": _map(in_cells(D1, D2, difference), diverging, "points", box),
+        "measured": _map(in_cells(shown.D1, shown.D2, 100 * measured), efficiency, "%", box),
+        "simulated": _map(in_cells(ahead.D1, ahead.D2, 100 * predicted), efficiency, "%", box),
+        "difference": _map(in_cells(shown.D1, shown.D2, difference), diverging, "points", box),
     }
 
 
@@ -130,22 +121,20 @@ def _box(D1: Floats, D2: Floats) -> Box:
     return [float(D1.min()) - 0.05, float(D1.max()) + 0.05], [float(D2.min()) - 0.05, float(D2.max()) + 0.05]
 
 
-def difference_over_power(rows: Sequence[Row], planned: Sequence[Row], band: str = "all loads") -> Figure:
+def difference_over_power(rows: Rows, planned: Rows, band: str = "all loads") -> Figure:
     """Measured less simulated efficiency of the last points over output power, with the reading's own 95 %."""
-    shown = loaded(rows, band, largest_W(planned))[-MOST:]
-    power, measured, simulated, u = columns(
-        shown, "P2_W", "efficiency", "predicted_efficiency", "u_efficiency"
-    )
-    known = np.isfinite(power) & np.isfinite(measured - simulated)
-    value = (100 * (measured - simulated))[known]
+    shown = loaded(rows, band, largest_W(planned))
+    difference = shown.efficiency - shown.predicted_efficiency
+    known = np.flatnonzero(np.isfinite(shown.P2_W) & np.isfinite(difference))[-MOST:]
+    power, value, u = shown.P2_W[known], 100 * difference[known], shown.u_efficiency[known]
     trace = {
         "type": "scatter",
         "mode": "markers",
-        "x": power[known].round(1).tolist(),
+        "x": power.round(1).tolist(),
         "y": value.round(4).tolist(),
         "error_y": {
             "type": "data",
-            "array": np.nan_to_num(196 * u[known]).round(4).tolist(),
+            "array": np.nan_to_num(196 * u).round(4).tolist(),
             "thickness": 1,
             "width": 0,
             "color": "rgba(120,130,140,.55)",

@@ -1,22 +1,24 @@
 """What all pages share: the settings of the dashboard, what is read for it, and what hangs on every page."""
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from nicegui import ui
 
 from bench.dashboard.asking import Request, ask
 from bench.dashboard.render import css, piece
-from bench.dashboard.view import banner
+from bench.dashboard.view import banner, lab_of
 from bench.dashboard.watcher import Watcher
 from bench.errors import BenchError
 from models.registry import Registry
 
-LOOK_S = 0.25  # between two looks at the database
-SHOW_S = 0.25  # between two looks of a page at what was read
+T = TypeVar("T")
+
+LOOK_S = 0.2  # between two looks at the database
+SHOW_S = 0.2  # between two looks of a page at what was read
 PAGES = {
     "/": "Bench",
     "/campaigns": "Campaigns",
@@ -24,10 +26,27 @@ PAGES = {
     "/models": "Models",
     "/optimum": "Optimum",
 }
-VIRTUAL = (
-    '<div class="virtual" role="note"><strong>VIRTUAL LAB</strong> mock instruments, simulated converter: nothing '
-    "here was measured on hardware</div>"
-)
+_LABEL = '<div class="virtual" role="note"><strong>VIRTUAL LAB</strong> {}</div>'
+LABELS = {
+    "hardware": "",
+    "virtual": _LABEL.format("mock instruments, simulated converter: nothing here was measured on hardware"),
+    "both": _LABEL.format("some of these campaigns: the list of campaigns says which"),
+}
+
+
+class Shared:
+    """What is made once for all viewers: under each name the last value, and the key that it was made for."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Hashable, tuple[Hashable, Any]] = {}
+
+    def get(self, name: Hashable, key: Hashable, make: Callable[[], T]) -> T:
+        """The value for ``key``, made anew only when the key has changed."""
+        kept = self._kept.get(name)
+        if kept is None or kept[0] != key:
+            kept = self._kept[name] = (key, make())
+        value: T = kept[1]
+        return value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +56,7 @@ class Desk:
     watcher: Watcher
     registry: Registry
     read_only: bool = False
+    shared: Shared = field(default_factory=Shared)
 
     async def ask(self, campaign_id: int, request: Request) -> None:
         """Ask in the name of the person who looks, and tell them what came of it."""
@@ -62,9 +82,16 @@ class Panel:
         self._make = piece(macro)
         self._element = ui.html("", sanitize=False)
 
+    def render(self, *values: object) -> str:
+        """The template filled with values."""
+        return self._make(*values)
+
     def show(self, *values: object) -> None:
         """Fill the template with values."""
-        text = self._make(*values)
+        self.put(self.render(*values))
+
+    def put(self, text: str) -> None:
+        """Show what was rendered."""
         if text != self._element.content:
             self._element.set_content(text)
 
@@ -85,7 +112,7 @@ class Chart:
 
     def show(self, figure: dict[str, Any]) -> None:
         """Draw, unless it is what is drawn."""
-        if figure != self._shown:
+        if figure is not self._shown and figure != self._shown:
             self._shown = figure
             self._plot.update_figure(figure)
 
@@ -118,12 +145,11 @@ def frame(desk: Desk, path: str) -> Iterator[Callable[[Callable[[], None]], None
 
         def refresh_frame() -> None:
             overview = desk.watcher.overview
-            some = any(row["virtual"] for row in overview.campaigns)
-            if bool(label.content) != some:
-                label.set_content(VIRTUAL if some else "")
+            if label.content != (text := LABELS[lab_of(overview)]):
+                label.set_content(text)
             problem.show(overview.problem)
-            shown = banner(overview)
-            top.show(shown)
+            shown = desk.shared.get("banner", (id(overview), overview.version), lambda: banner(overview))
+            top.put(desk.shared.get("banner, rendered", shown, lambda: top.render(shown)))
             ui.page_title(f"{shown.title} – d2ea")
 
         def live(refresh: Callable[[], None]) -> None:

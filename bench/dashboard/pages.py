@@ -117,25 +117,47 @@ class BenchPage:
         return None if number is None else watcher.feed(number)
 
     def _refresh(self) -> None:
-        feed, now = self._feed(), datetime.now(UTC)
+        feed = self._feed()
         if feed is None:
             self._row.set_visibility(False)
             return
-        self._progress.show(view.progress(feed, now), view.PHASES)
-        moment = feed.moment if feed.campaign["is_live"] else None
-        self._links.show(view.links(feed.campaign, moment, now))
+        shared, number = self._desk.shared, feed.campaign["id"]
+        now = datetime.now(UTC)
+        tick = (feed.version, int(now.timestamp()))  # ages grow by the second
+        self._progress.put(shared.get(("progress", number), tick, lambda: self._render_progress(feed, now)))
+        self._links.put(shared.get(("links", number), tick, lambda: self._render_links(feed, now)))
         self._show_controls(feed)
-        seen = (feed.campaign["id"], feed.version, self._band)
+        seen = (number, feed.version, self._band)
         if seen == self._seen:
             return
         self._seen = seen
-        self._gap.show(view.gap(feed.rows))
-        self._limits.show(view.limits(feed.campaign, moment), feed.moment.faults if feed.moment else ())
-        self._events.show(view.happened(feed))
-        self._show_verdict(feed)
-        for name, figure in charts.maps(feed.rows, feed.planned, self._band).items():
-            self._maps[name].show(figure)
-        self._difference.show(charts.difference_over_power(feed.rows, feed.planned, self._band))
+        pieces = shared.get(("pieces", number), feed.version, lambda: self._render(feed))
+        for panel, text in zip((self._gap, self._limits, self._events, self._verdict), pieces, strict=True):
+            panel.put(text)
+        drawn = shared.get(("charts", number, self._band), feed.version, lambda: self._draw(feed))
+        for name, chart in (self._maps | {"over load": self._difference}).items():
+            chart.show(drawn[name])
+
+    def _render_progress(self, feed: Feed, now: datetime) -> str:
+        return self._progress.render(view.progress(feed, now), view.PHASES)
+
+    def _render_links(self, feed: Feed, now: datetime) -> str:
+        moment = feed.moment if feed.campaign["is_live"] else None
+        return self._links.render(view.links(feed.campaign, moment, now))
+
+    def _render(self, feed: Feed) -> tuple[str, str, str, str]:
+        moment = feed.moment if feed.campaign["is_live"] else None
+        trips = feed.moment.faults if feed.moment else ()
+        return (
+            self._gap.render(view.gap(feed.rows)),
+            self._limits.render(view.limits(feed.campaign, moment), trips),
+            self._events.render(view.happened(feed)),
+            self._render_verdict(feed),
+        )
+
+    def _draw(self, feed: Feed) -> dict[str, charts.Figure]:
+        over_load = charts.difference_over_power(feed.rows, feed.planned, self._band)
+        return charts.maps(feed.rows, feed.planned, self._band) | {"over load": over_load}
 
     def _show_controls(self, feed: Feed) -> None:
         row = feed.campaign
@@ -144,11 +166,10 @@ class BenchPage:
         self._buttons[Request.PAUSE].set_visibility(not paused)
         self._buttons[Request.RESUME].set_visibility(paused)
 
-    def _show_verdict(self, feed: Feed) -> None:
+    def _render_verdict(self, feed: Feed) -> str:
         kept = feed.diagnosis
         if kept is None:
-            self._verdict.show(None, "", "", [], HINT.format(id=feed.campaign["id"]))
-            return
+            return self._verdict.render(None, "", "", [], HINT.format(id=feed.campaign["id"]))
         verdict = kept["verdict"]
         causes = [
             {
@@ -159,7 +180,8 @@ class BenchPage:
             }
             for cause in probable_causes(verdict, 0.01)[:3]
         ]
-        self._verdict.show(verdict, f"as of {view.clock(kept['created'])}", verdict_text(verdict), causes, "")
+        when = f"as of {view.clock(kept['created'])}"
+        return self._verdict.render(verdict, when, verdict_text(verdict), causes, "")
 
 
 CONSEQUENCE = {

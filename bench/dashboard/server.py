@@ -1,5 +1,6 @@
 """The dashboard's process: pages, downloads and the door in front of them, served until it is ended."""
 
+import logging
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from bench.dashboard.guard import COOKIE, LOGIN, Door, Guard
 from bench.dashboard.pages import register
 from bench.dashboard.render import page
 from bench.errors import InputError
+from bench.log import log
 from bench.lut_file import BESIDE
 
 RECONNECT_S = 30.0  # a browser that was away for less finds its page as it was
@@ -37,10 +39,7 @@ class Address:
         """An open socket; InputError when the address cannot be had."""
         try:
             family = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)[0][0]
-            found = socket.socket(family, socket.SOCK_STREAM)
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            found.bind((self.host, self.port))
-            found.listen()  # who is told the address can connect to it
+            return socket.create_server((self.host, self.port), family=family)
         except OSError as error:
             raise InputError.of(
                 "command line",
@@ -48,11 +47,11 @@ class Address:
                 f"{self.host}:{self.port}",
                 f"cannot be listened on: {error}",
             ) from error
-        return found
 
 
 def serve(desk: Desk, door: Door, address: Address, *, said: Callable[[str], None]) -> None:
     """Serve until the process is asked to end; ``said`` gets the URL once it can be opened."""
+    listening = address.listen()
     server = FastAPI(openapi_url=None)
     _sign_in(server, door)
     _downloads(server, desk)
@@ -67,11 +66,25 @@ def serve(desk: Desk, door: Door, address: Address, *, said: Callable[[str], Non
         reconnect_timeout=RECONNECT_S,
         show_welcome_message=False,
     )
-    listening = address.listen()
     host, port = listening.getsockname()[:2]
     said(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
-    config = uvicorn.Config(Guard(server, door), log_level="warning", ws="websockets-sansio", lifespan="on")
+    for name in ("uvicorn.error", "nicegui"):
+        logging.getLogger(name).addFilter(_in_words)
+    config = uvicorn.Config(
+        Guard(server, door), log_config=None, access_log=False, ws="websockets-sansio", lifespan="on"
+    )
     uvicorn.Server(config).run(sockets=[listening])
+
+
+def _in_words(record: logging.LogRecord) -> bool:
+    """An error in one line; a request whose browser has left is none."""
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, RuntimeError) and str(error) == "No response returned.":
+        return False
+    if error is not None and not log.isEnabledFor(logging.DEBUG):
+        record.msg, record.args = f"{record.getMessage().strip()}: {type(error).__name__}: {error}", ()
+        record.exc_info = None
+    return True
 
 
 def _sign_in(server: FastAPI, door: Door) -> None:

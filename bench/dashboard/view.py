@@ -1,12 +1,15 @@
 """What is seen, as plain values made of what is stored: pure functions, and no word about how it looks."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
-from statistics import fmean, median, stdev
+from statistics import median
 
+import numpy as np
+
+from bench.dashboard.rows import Rows
 from bench.dashboard.watcher import Feed, Overview
 from bench.store import BenchRow, BenchState, LinkReport, Row, SeenMoment
 from bench.wording import counted, duration, per_cent, points_text, unit_of
@@ -14,7 +17,6 @@ from bench.wording import counted, duration, per_cent, points_text, unit_of
 STALE_S = 15.0  # real seconds without news from a campaign that runs
 NEAR = 0.95  # of a limit: worth a second look
 RECENT = 30  # judged rows that tell how fast it goes
-LOADED = frozenset({"load", "reference"})
 PHASES = ("setting", "settling", "measuring")
 LEVELS = ("unsafe", "unconfirmed", "running", "paused", "waiting", "off", "unknown")
 
@@ -108,6 +110,12 @@ def banner(overview: Overview) -> Banner:
     )
 
 
+def lab_of(overview: Overview) -> str:
+    """Where the campaigns come from: ``virtual``, ``hardware``, or ``both``; hardware while there is none."""
+    labs = {"virtual" if row["virtual"] else "hardware" for row in overview.campaigns}
+    return "both" if len(labs) > 1 else next(iter(labs), "hardware")
+
+
 def _banner_of(bench: BenchRow, overview: Overview) -> Banner:
     row = overview.campaign(bench.campaign_id) if bench.campaign_id is not None else None
     if bench.state is BenchState.UNSAFE:
@@ -159,7 +167,7 @@ def progress(feed: Feed, now: datetime) -> ProgressView:
         state=str(row["shown"]),
         done=len(feed.rows),
         planned=int(row["planned"]),
-        rejected=sum(item["state"] == "rejected" for item in feed.rows),
+        rejected=feed.rejected,
         left=_left(feed) if live and row["shown"] == "running" else "",
         point=_point(feed) if live else "",
         phase=moment.phase if moment and live else "",
@@ -172,7 +180,7 @@ def progress(feed: Feed, now: datetime) -> ProgressView:
 
 def _left(feed: Feed) -> str:
     """Time left in words, from the pace of the last rows."""
-    times = [datetime.fromisoformat(item["judged"]) for item in feed.rows[-RECENT:]]
+    times = [datetime.fromisoformat(item["judged"]) for item in feed.recent[-RECENT:]]
     steps = [(b - a).total_seconds() for a, b in pairwise(times)]
     if not steps:
         return ""
@@ -181,7 +189,7 @@ def _left(feed: Feed) -> str:
 
 def _point(feed: Feed) -> str:
     point_id = feed.moment.point_id if feed.moment else None
-    row = next((item for item in feed.planned if item["id"] == point_id), None)
+    row = feed.points.get(point_id) if point_id is not None else None
     if row is None:
         return ""
     if row["kind"] == "standby":
@@ -204,32 +212,26 @@ def _stale(moment: SeenMoment | None, now: datetime) -> str:
     return f"no news for {duration(silent_s)}" if silent_s > STALE_S else ""
 
 
-def gap(rows: Sequence[Row]) -> GapView:
+def gap(rows: Rows) -> GapView:
     """How far the simulation is off on the accepted rows; agreement is judged at two standard errors."""
-    known = [(m, s) for m, s in map(_efficiencies, rows) if m is not None and s is not None]
-    if not known:
+    known = rows.where(rows.counted & np.isfinite(rows.efficiency - rows.predicted_efficiency))
+    if not len(known):
         return GapView(
             mean="–", uncertainty="", measured="–", simulated="–", last="–", points=0, level="nothing"
         )
-    residuals = [measured - simulated for measured, simulated in known]
-    mean, (measured, simulated) = fmean(residuals), known[-1]
-    error = stdev(residuals) / math.sqrt(len(residuals)) if len(residuals) > 1 else math.nan
+    residuals = known.efficiency - known.predicted_efficiency
+    mean, count = float(residuals.mean()), len(residuals)
+    error = float(residuals.std(ddof=1)) / math.sqrt(count) if count > 1 else math.nan
     off = abs(mean) > 2 * error if math.isfinite(error) else False
     return GapView(
         mean=signed(mean),
         uncertainty=f"± {points_text(2 * error)}" if math.isfinite(error) else "",
-        measured=per_cent(measured, 3),
-        simulated=per_cent(simulated, 3),
-        last=signed(measured - simulated),
-        points=len(known),
+        measured=per_cent(float(known.efficiency[-1]), 3),
+        simulated=per_cent(float(known.predicted_efficiency[-1]), 3),
+        last=signed(float(residuals[-1])),
+        points=count,
         level="off" if off else "agree",
     )
-
-
-def _efficiencies(row: Row) -> tuple[float | None, float | None]:
-    if row["state"] != "accepted" or row["kind"] not in LOADED:
-        return None, None
-    return row["efficiency"], row["predicted_efficiency"]
 
 
 # --- limits and instruments ---------------------------------------------------------------------------
@@ -358,7 +360,7 @@ STEPS = frozenset({"planned", "set", "settled", "measured"})  # of a point: many
 
 def happened(feed: Feed, most: int = 12) -> list[tuple[str, str, str]]:
     """(when, what, detail) of the last things worth a line, the newest first."""
-    rows = {row["id"]: row for row in feed.rows[-4 * most :]}
+    rows = {row["id"]: row for row in feed.recent}
     lines = []
     for event in reversed(feed.events):
         row = rows.get(event["point_id"])

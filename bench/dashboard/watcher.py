@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from bench.dashboard.rows import NO_ROWS, Rows
 from bench.errors import BenchError
 from bench.store import BenchRow, Entry, Row, SeenMoment, Store
 
@@ -41,14 +42,14 @@ class Overview:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feed:
-    """One campaign: every judged row so far, the last events, the moment and the last verdict.
-
-    ``rows`` only ever grows; a viewer that saw n of them needs those after n.
-    """
+    """One campaign: every judged row so far, the last ones and the last events in full, the moment, the verdict."""
 
     campaign: Row
-    planned: Sequence[Row]
-    rows: Sequence[Row] = ()
+    points: Mapping[int, Row]  # as planned, by id
+    planned: Rows = NO_ROWS
+    rows: Rows = NO_ROWS
+    rejected: int = 0
+    recent: Sequence[Row] = ()
     events: Sequence[Mapping[str, Any]] = ()
     moment: SeenMoment | None = None
     diagnosis: Mapping[str, Any] | None = None
@@ -78,7 +79,7 @@ class Watcher:
         with self._lock:
             if (kept := self._feeds.get(campaign_id)) is None:
                 if (row := self.overview.campaign(campaign_id)) is not None:
-                    self._feeds[campaign_id] = _Kept(Feed(campaign=row, planned=()), self.now_s())
+                    self._feeds[campaign_id] = _Kept(Feed(campaign=row, points={}), self.now_s())
                 return None
             kept.looked_at_s = self.now_s()
             return kept.feed if kept.feed.version else None
@@ -102,6 +103,8 @@ class Watcher:
             )
             if fresh != self.overview:
                 self.overview = replace(fresh, version=fresh.version + 1)
+        if self.overview.newest is not None:
+            self.feed(self.overview.newest)  # what most people come for is there before they come
         with self._lock:
             kept = dict(self._feeds)
         for campaign_id, item in kept.items():
@@ -113,19 +116,29 @@ class Watcher:
 
     def _read(self, campaign_id: int, feed: Feed) -> Feed:
         """The feed with what is new in it; the same object when nothing is."""
-        new = self.store.events(campaign_id, after=feed.last_event)
+        last = self.store.last_event(campaign_id)
+        new = (
+            self.store.events(campaign_id, after=max(feed.last_event, last - TAIL))
+            if last > feed.last_event
+            else []
+        )
         moment = self.store.live.read(campaign_id)
         campaign = self.overview.campaign(campaign_id) or feed.campaign
         if feed.version and not new and moment == feed.moment and campaign == feed.campaign:
             return feed
-        first, last = feed.version == 0, new[-1]["id"] if new else feed.last_event
+        first = feed.version == 0
         diagnoses = self.store.diagnoses(campaign_id)
         replanned = first or any(entry["event"] in ("predicted", "resumed") for entry in new)
+        if replanned:
+            points = self.store.planned(campaign_id)
+            feed = replace(feed, points={row["id"]: row for row in points}, planned=Rows.of(points))
+        judged = self.store.judged(campaign_id, after=feed.last_event, until=last)
         return replace(
             feed,
             campaign=campaign,
-            planned=self.store.planned(campaign_id) if replanned else feed.planned,
-            rows=(*feed.rows, *self.store.judged(campaign_id, after=feed.last_event, until=last)),
+            rows=feed.rows.and_then(Rows.of(judged)) if judged else feed.rows,
+            rejected=feed.rejected + sum(row["state"] == "rejected" for row in judged),
+            recent=[*feed.recent, *judged][-TAIL:],
             events=[*feed.events, *map(dict, new)][-TAIL:],
             moment=moment,
             diagnosis=dict(diagnoses[-1]) if diagnoses else None,

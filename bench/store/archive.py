@@ -7,7 +7,7 @@ from sqlalchemy import RowMapping, insert, select
 
 from bench.states import PointState, State
 from bench.store.database import Database
-from bench.store.ledger import Provenance, StoredReading, campaign_row, reading_row
+from bench.store.ledger import Provenance, StoredReading, campaign_row, event_row, reading_row
 from bench.store.row import missing, new_id, utc
 from bench.store.tables import NUMBERS, diagnoses, models, points, readings
 
@@ -36,6 +36,7 @@ class Archive:
                     quality=str(values.get("quality") or "good"),
                 )
                 db.execute(insert(readings).values(reading_row(campaign_id, point_id, reading)))
+                db.execute(event_row(campaign_id, PointState.ACCEPTED, point_id=point_id))
         return campaign_id
 
     def add_model(self, model: str, detail: Mapping[str, object], *, campaign_id: int | None = None) -> int:

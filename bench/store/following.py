@@ -3,7 +3,7 @@
 Asked for by the numbers of events, which only grow: nobody reads ten thousand rows to see one more.
 """
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 
 from bench.states import FINISHED
 from bench.store.database import Database
@@ -18,6 +18,12 @@ class Following:
 
     def __init__(self, database: Database) -> None:
         self._db = database
+
+    def last_event(self, campaign_id: int) -> int:
+        """The number of the last event of a campaign; 0 while there is none."""
+        query = select(func.max(events.c.id)).where(events.c.campaign_id == campaign_id)
+        with self._db.reading() as db:
+            return int(db.execute(query).scalar() or 0)
 
     def planned(self, campaign_id: int) -> list[Row]:
         """The set points in the order of the plan, with ``predicted_efficiency`` (None before it is known)."""

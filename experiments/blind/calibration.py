@@ -23,7 +23,7 @@ def intervals(scored: Sequence[Scored]) -> Share:
     """How many 95 % intervals of hidden effects that are thought likely hold the hidden value."""
     found = []
     for s in judged(scored):
-        for name, value in s.trial.hidden:
+        for name, value in s.trial.headlines.items():
             cause = s.said.cause(name)
             if cause is not None and cause.probability >= _LISTED:
                 found.append(cause.holds(value))

@@ -9,7 +9,7 @@ import pandas as pd
 
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.instruments import InstrumentErrors
-from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.laboratory import DRIFT_S, Laboratory
 from drivers.mocks.lab.survey import Schedule, survey
 from experiments.blind.answer import NO_ANSWER, Answer
 from experiments.blind.reach import (
@@ -64,6 +64,14 @@ class BlindTrial:
         return (
             f"{self.row}: {what}{tie}, seed {self.seed}, {self.noise}, {seen}, {where}, {self.points} points"
         )
+
+    @property
+    def headlines(self) -> dict[str, float]:
+        """The hidden values as the catalogue means them: a drift's is what it has come to at the last row."""
+        values = dict(self.hidden)
+        if "warm_up_drift" in values:
+            values["warm_up_drift"] *= -float(np.expm1(-self.plan.time_s[-1] / DRIFT_S))
+        return values
 
     @property
     def plan(self) -> Schedule:

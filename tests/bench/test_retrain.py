@@ -136,36 +136,26 @@ def imported(store: Store, table: pd.DataFrame) -> int:
     return store.import_table("theirs", table, Provenance(config={}, config_hash="0", virtual=True))
 
 
-def test_an_entry_leads_back_to_its_measurements(store: Store, tmp_path: Path) -> None:
+def test_an_entry_leads_back_to_its_measurements_or_says_that_they_are_gone(
+    store: Store, tmp_path: Path
+) -> None:
     campaign = imported(store, measured(150))
     data = newest_data(store)
     assert data is not None
     made = retrainer(tmp_path / "models")
     result = made.retrain(data)
     note_in_store(store, data, result)
-    lut = read_lut(result.files[0])
-    told = trace_entry(
-        result.files[0], lut, 610.0, registry=made.registry, db=f"sqlite:///{tmp_path}/x.sqlite"
-    )
+    assert store.models(campaign)[0]["detail"]["decision"] == "promoted"
+    file, lut = result.files[0], read_lut(result.files[0])
+    told = trace_entry(file, lut, 610.0, registry=made.registry, db=f"sqlite:///{tmp_path}/x.sqlite")
     assert told.virtual
     assert "600 W" in told.lines[0]
     nearest = [line for line in told.lines if line.startswith("near it: campaign")]
+    names = set(made.registry.origin(model_of(file)).fitted)
     assert len(nearest) == 3
-    names = set(made.registry.origin(model_of(result.files[0])).fitted)
     assert all(line.removeprefix("near it: ").split(":")[0] in names for line in nearest)
-    assert store.models(campaign)[0]["detail"]["decision"] == "promoted"
-
-
-def test_data_that_are_gone_are_said(store: Store, tmp_path: Path) -> None:
-    imported(store, measured(150))
-    data = newest_data(store)
-    assert data is not None
-    made = retrainer(tmp_path / "models")
-    file = made.retrain(data).files[0]
-    told = trace_entry(
-        file, read_lut(file), 600.0, registry=made.registry, db=f"sqlite:///{tmp_path}/other.sqlite"
-    )
-    assert "cannot be looked at: there is no campaign 1" in told.lines[-1]
+    gone = trace_entry(file, lut, 600.0, registry=made.registry, db=f"sqlite:///{tmp_path}/other.sqlite")
+    assert "cannot be looked at: there is no campaign 1" in gone.lines[-1]
 
 
 def test_watching_retrains_once_per_batch_of_rows(store: Store, tmp_path: Path) -> None:

@@ -138,6 +138,19 @@ def test_heavy_tails_are_no_more_than_another_draw_of_the_same_lab() -> None:
     assert blind_trial.laboratory(trial).converter == Laboratory.draw(seed=100_001).converter
 
 
+def test_a_drift_is_judged_by_what_it_came_to() -> None:
+    trial = BlindTrial(row="coverage", seed=1, hidden=(("warm_up_drift", 0.2), ("dead_time", 1e-7)), points=8)
+    lab = Laboratory.nominal()
+    lab = replace(lab, quirks=replace(lab.quirks, drift_share=0.2)).without_noise()
+    plain = blind_trial.survey(Laboratory.nominal().without_noise(), trial.plan, seed=1).iloc[-1]
+    last = blind_trial.survey(lab, trial.plan, seed=1).iloc[-1]
+    grown = (last["P1_W"] - plain["P1_W"]) / (plain["P1_W"] - plain["P2_W"])
+    assert trial.headlines["warm_up_drift"] == pytest.approx(
+        grown, rel=1e-3
+    )  # an input voltage falls a little
+    assert trial.headlines["dead_time"] == 1e-7
+
+
 # --- what can be told apart ---------------------------------------------------------------------------
 
 

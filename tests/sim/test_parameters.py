@@ -79,3 +79,9 @@ def test_leaves_name_every_value_by_its_path() -> None:
     assert found["secondary.switch.capacitance.grading"] == 0.55
     assert found["frequency_Hz"] == 20e3
     assert not any(hasattr(value, "__dataclass_fields__") for value in found.values())
+
+
+@pytest.mark.parametrize("name", ["threshold_per_K", "resistance_per_K"])
+def test_a_drop_that_is_gone_when_hot_is_refused(name: str) -> None:
+    with pytest.raises(ParameterError, match=rf"Conduction\.{name} is -0.005; allowed: .* at 250 degC"):
+        Conduction(threshold_V=1.0, resistance_Ohm=0.01, **{name: -0.005})

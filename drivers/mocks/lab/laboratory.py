@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 AMBIENT_C = 25.0
 _HEATSINK_S, _INDUCTOR_S, _TRANSFORMER_S = 40.0, 60.0, 80.0  # thermal time constants
-_DRIFT_S = 6 * 3600.0  # a slow part of the lab warms with this time constant
+DRIFT_S = 6 * 3600.0  # a slow part of the lab warms with this time constant
 _SETTLING_ROUNDS, _ROUNDS_NEARBY = 8, 4
 
 
@@ -194,7 +194,7 @@ class Laboratory:
     ) -> tuple[Array, Array]:
         """V1 in V and P1 in W at the analyzer's terminals: fan, slow drift and input cable included."""
         fan = np.where(heatsink_C > self.quirks.fan_on_C, self.quirks.fan_W, 0.0)
-        drift = self.quirks.drift_share * -np.expm1(-np.asarray(time_s) / _DRIFT_S)
+        drift = self.quirks.drift_share * -np.expm1(-np.asarray(time_s) / DRIFT_S)
         drawn = now.drawn_W + fan + drift * (now.drawn_W + fan - now.P2_W)
         drawn = drawn + self.leaked_W(now.link_V, heatsink_C, time_s)
         V1 = now.link_V + self.converter.input_cable_Ohm * drawn / now.link_V

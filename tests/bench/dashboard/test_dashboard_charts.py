@@ -5,9 +5,10 @@ import json
 import numpy as np
 
 from bench.dashboard import charts
+from bench.dashboard.rows import NO_ROWS, Rows
 
 
-def rows(count: int, **values: object) -> list[dict[str, object]]:
+def rows(count: int, **values: object) -> Rows:
     rng = np.random.default_rng(1)
     made = []
     for D1, D2, P_W, eta in zip(*(rng.random((4, count))), strict=True):
@@ -19,7 +20,7 @@ def rows(count: int, **values: object) -> list[dict[str, object]]:
             "u_efficiency": 1e-3,
         }
         made.append(row | values)
-    return made
+    return Rows.of(made)
 
 
 def test_ten_thousand_points_are_a_bounded_picture() -> None:
@@ -34,8 +35,8 @@ def test_ten_thousand_points_are_a_bounded_picture() -> None:
 def test_a_few_points_are_shown_where_they_are() -> None:
     few = rows(3)
     drawn = charts.maps(few, few)["measured"]["data"][0]
-    assert sorted(drawn["x"]) == sorted(round(float(row["D1"]), 4) for row in few)  # type: ignore[arg-type]
-    assert sorted(drawn["marker"]["color"]) == sorted(round(100 * float(row["efficiency"]), 4) for row in few)  # type: ignore[arg-type]
+    assert sorted(drawn["x"]) == sorted(few.D1.round(4).tolist())
+    assert sorted(drawn["marker"]["color"]) == sorted((100 * few.efficiency).round(4).tolist())
 
 
 def test_a_rejected_point_is_in_no_picture() -> None:
@@ -64,4 +65,4 @@ def test_every_axis_names_its_unit() -> None:
 
 
 def test_nothing_measured_yet_is_an_empty_picture() -> None:
-    assert charts.maps([], [])["difference"]["data"][0]["x"] == []
+    assert charts.maps(NO_ROWS, NO_ROWS)["difference"]["data"][0]["x"] == []

@@ -1,8 +1,11 @@
 """The door: who may look, who may ask, and what another web site cannot do."""
 
+import logging
+
 import pytest
 
 from bench.dashboard.guard import COOKIE, Asked, Door
+from bench.dashboard.server import _in_words
 
 TOKEN = "a token of sixteen letters"
 
@@ -67,3 +70,21 @@ def test_a_program_brings_the_token_itself() -> None:
 
 def test_a_door_without_a_token_admits_nobody_by_one() -> None:
     assert Door().admit("") is None
+
+
+def record(error: Exception) -> logging.LogRecord:
+    info = (type(error), error, None)
+    return logging.LogRecord(
+        "uvicorn.error", logging.ERROR, "x.py", 1, "Exception in ASGI application\n", (), info
+    )
+
+
+def test_what_goes_wrong_in_a_page_is_said_in_one_line() -> None:
+    told = record(ValueError("half a number"))
+    assert _in_words(told)
+    assert told.getMessage() == "Exception in ASGI application: ValueError: half a number"
+    assert told.exc_info is None
+
+
+def test_a_browser_that_left_is_no_error() -> None:
+    assert not _in_words(record(RuntimeError("No response returned.")))

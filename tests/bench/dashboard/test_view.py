@@ -1,11 +1,13 @@
 """What is seen, from what is stored: words and levels, no browser."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from bench.dashboard import view
+from bench.dashboard.rows import NO_ROWS
 from bench.dashboard.watcher import Feed, Watcher
 from bench.states import State
 from bench.store import Store
@@ -108,7 +110,7 @@ def test_the_gap_is_off_beyond_its_uncertainty_only(store: Store) -> None:
     shown = view.gap(feed.rows)
     assert (shown.level, shown.points) == ("off", 3)
     assert shown.mean == "−0.933"
-    assert view.gap(()).level == "nothing"
+    assert view.gap(NO_ROWS).level == "nothing"
 
 
 def test_what_happened_leaves_out_the_steps_of_points(store: Store) -> None:
@@ -120,3 +122,11 @@ def test_what_happened_leaves_out_the_steps_of_points(store: Store) -> None:
     assert lines[0] == ("rejected", "D1 0.600, D2 0.100, 550 W: 97.000 %; too hot")
     assert lines[1] == ("accepted", "D1 0.500, D2 0.100, 300 W: 97.000 %")
     assert "settled" not in [what for what, _ in lines]
+
+
+def test_a_virtual_lab_never_passes_for_hardware_nor_hardware_for_a_virtual_lab(store: Store) -> None:
+    watcher, _ = seen(store, running_campaign(store))
+    assert view.lab_of(watcher.overview) == "virtual"
+    real = [row | {"virtual": False} for row in watcher.overview.campaigns]
+    assert view.lab_of(replace(watcher.overview, campaigns=real)) == "hardware"
+    assert view.lab_of(replace(watcher.overview, campaigns=[*watcher.overview.campaigns, *real])) == "both"

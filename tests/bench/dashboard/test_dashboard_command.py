@@ -1,0 +1,53 @@
+"""The verb dashboard: what it refuses before it serves anything."""
+
+from pathlib import Path
+
+import pytest
+from sqlalchemy import create_engine, text
+
+from bench import cli
+from bench.store import Store
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("D2EA_DB", "D2EA_TOKEN"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(("dashboard", *arguments))
+    assert ended.value.code == 2
+    return capsys.readouterr().err
+
+
+def test_another_address_needs_a_token(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "--host = '0.0.0.0': needs a token: set D2EA_TOKEN" in refused(capsys, "--host", "0.0.0.0")
+
+
+def test_a_short_token_is_no_token(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("token").write_text("short\n")
+    said = refused(capsys, "--host", "0.0.0.0", "--token-file", "token")
+    assert "at least 16 characters" in said
+    assert "short" not in said
+
+
+def test_a_token_file_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "cannot be read" in refused(capsys, "--token-file", "absent")
+
+
+def test_a_database_of_another_version_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    url = "sqlite:///x.sqlite"
+    Store(url).close()
+    with create_engine(url).begin() as db:
+        db.execute(text("UPDATE d2ea_schema SET version = 99"))
+    assert "is of schema 99" in refused(capsys, "--db", url)
+
+
+def test_an_address_that_is_not_ours_is_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("D2EA_TOKEN", "sixteen letters or more")
+    assert "cannot be listened on" in refused(capsys, "--host", "192.0.2.1")
