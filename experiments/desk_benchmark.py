@@ -315,4 +315,4 @@ def _campaign(url: str, points: int) -> tuple[float, float]:
     return wall_s, cpu_s
 
 
-EXPERIMENT = Experiment(title="The operator's desk: retraining, and what looking costs", run=run)
+EXPERIMENT = Experiment(title="The operator's desk: retraining, and what looking costs", run=run, apart=True)
