@@ -89,7 +89,7 @@ def test_the_verdict_was_stored_without_what_was_hidden(demo: Path) -> None:
 
 
 def test_the_bench_was_seen_off(demo: Path, summary: dict) -> None:
-    assert summary["power_off"] == "PWM off; load off; supply off"
+    assert summary["power_off"] == "PWM off; load off; supply off; discharge to 60 V or less"
     with Store(f"sqlite:///{demo / 'd2ea.sqlite'}") as store:
         assert [row["state"] for row in store.campaigns()] == ["done", "done"]
         assert all(row["virtual"] for row in store.campaigns())
