@@ -51,9 +51,9 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
 def tiles(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers: (what, value, remark)."""
     gap, gain = diagnosis["gap"], diagnosis.get("gain")
-    worst, rejected = gap["worst"], len(diagnosis["rejected_rows"])
+    worst, rejected = gap["worst"], len({row["row"] for row in diagnosis["rejected_rows"]})
     where = f"at D1 {worst['D1']:.3f}, D2 {worst['D2']:.3f}, {worst['P2_W']:.0f} W: {worst['loss_W']:+.2f} W"
-    used = f"{counted(rejected, 'row or reading')} left out" if rejected else "all used"
+    used = f"all or some readings of {counted(rejected, 'row')} left out" if rejected else "all used"
     out = [
         ("Points", str(diagnosis["points"]), used),
         (

@@ -18,8 +18,9 @@ def pool_of(processes: int) -> Iterator[ProcessPoolExecutor]:
     with one_thread_each(), pool:
         try:
             yield pool
-        finally:
+        except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def end_with_parent() -> None:

@@ -145,6 +145,9 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     if verdict == "group":
         tied = next(iter(diagnosis.get("groups") or [causes]), causes)
         return f"{join([effect_name(n) for n in tied], 'or')}: these data cannot tell which"
+    sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
+    if verdict == "unknown" and sure:
+        return f"More is wrong than {join([effect_name(name) for name in sure])} explains, and no known cause is it"
     return VERDICTS.get(verdict, verdict)
 
 

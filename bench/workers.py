@@ -3,6 +3,7 @@
 Both take tasks as they have room for them, so that neither the inputs nor the results of all tasks are ever in memory.
 """
 
+import logging
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
@@ -48,6 +49,7 @@ def on_dask(work: Callable[..., T], tasks: Tasks, workers: Workers) -> Iterator[
         from distributed import Client, LocalCluster, as_completed
     except ImportError as error:
         raise BenchError("--dask needs Dask: install this program with its extra 'cluster'") from error
+    logging.getLogger("distributed").setLevel(logging.getLogger().getEffectiveLevel())
     here = workers.dask == LOCAL
     cluster = (
         LocalCluster(n_workers=workers.processes, threads_per_worker=1, dashboard_address=None)

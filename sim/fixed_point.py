@@ -285,10 +285,12 @@ def operate(converter: Converter, points: Points, warm: WarmStart | None = None)
         busy = busy[~settled & stays]
         if not busy.size:
             break
-    state = station.take(np.flatnonzero(station.known.reached)).solve(FINE)
-    reached = station.known.reached.copy()
-    reached[reached] = state.regulated.reached
-    return Outcome(reached=reached, most_W=station.known.most_W, state=state)
+    while True:  # what drops in the last solution is not stated
+        rows = np.flatnonzero(station.known.reached)
+        state = station.take(rows).solve(FINE)
+        if np.all(state.regulated.reached):
+            return Outcome(reached=station.known.reached, most_W=station.known.most_W, state=state)
+        station.known.reached[rows] = state.regulated.reached
 
 
 def _near(part: _Station, ahead: _Slow) -> NDArray[np.bool_]:

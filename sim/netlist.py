@@ -51,9 +51,12 @@ _MEASURED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settling:
-    """How long the circuit runs: periods to settle, periods that are measured, the longest step."""
+    """How long the circuit runs: periods to settle, periods that are measured, the longest step.
 
-    settle_periods: int = 20
+    Forty periods of the prototype are three of its time constants L/R and more.
+    """
+
+    settle_periods: int = 40
     measured_periods: int = 2
     longest_step_s: float = 50e-9
 
@@ -81,6 +84,8 @@ def netlist(model: Model, points: Points, settling: Settling | None = None) -> s
             f"a netlist of a three-level primary is written for {', '.join(CLAMPED)} modulation; "
             f"this model is driven by {converter.modulation}"
         )
+    if converter.inductor.saturates:
+        raise ParameterError("a netlist's inductor is linear; this model's saturates (inductor_saturation)")
     writer = _Writer(solved=solve_points(model, points), settling=settling or Settling())
     return "\n".join(writer.lines()) + "\n"
 

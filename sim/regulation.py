@@ -18,6 +18,7 @@ from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
 
+_BELOW = 8.0  # dead times below phase 0: delays of unequal edges carry power to narrow pulses there
 _LEAST_W = 10.0  # scale of the tolerance for small powers
 _ROOT_STEPS = 40
 _BISECT = 4  # every so many steps the bracket is halved, in case the secant creeps
@@ -147,9 +148,9 @@ def _start(
 
 
 def _lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
-    """A phase that carries no power whatever the delays: the pulses' centres two dead times the other way."""
+    """A phase that carries no power whatever the delays: the pulses' centres some dead times the other way."""
     between_centres = np.mean(edges[2:], axis=0) - np.mean(edges[:2], axis=0)
-    return np.asarray(-way * between_centres - 2.0 * circuit.dead_time_s / circuit.half_period_s)
+    return np.asarray(-way * between_centres - _BELOW * circuit.dead_time_s / circuit.half_period_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -199,8 +199,9 @@ class Stepper:
         secondary = 0.5 * (level[2] + level[3])
         nvs = c.turns_ratio * state.output_V * secondary
         V0, R = self._drops(vp, nvs, i)
-        link = (vp - nvs - np.sign(i) * V0 - R * i) / (c.inductance_H + R * c.eddy_s)
-        current = i + c.eddy_s * link
+        share = self._inductance_share(i)
+        link = (vp - nvs - np.sign(i) * V0 - R * i) / (share * (c.inductance_H + R * c.eddy_s))
+        current = i + share * c.eddy_s * link
         into = c.turns_ratio * (current - state.magnetizing_A)
         leaves = state.side * np.stack([-current, -current, into, into])
         return _Rates(
@@ -212,6 +213,14 @@ class Stepper:
             nvs_V=nvs,
             current_A=current,
         )
+
+    def _inductance_share(self, i: Array) -> Array | float:
+        """Inductance at a current, of that at a small one."""
+        c = self.circuit
+        if not c.bends_A.size:
+            return 1.0
+        band = np.searchsorted(c.bends_A, np.abs(i))
+        return c.relative_L[band, np.arange(i.size)]
 
     def _position(self, charge_C: Array) -> Array:
         """Share of the swing (4, N) that these charges have moved the nodes by."""

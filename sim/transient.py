@@ -8,7 +8,7 @@ decides acts from the next period on. The converter is stepped through time (:mo
 the first load, which do not move within milliseconds.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 _WINDOWS = 4  # of a half period: short enough that no leg flips twice in one
 _PHASE_STEP = 2e-3
+_STEPS = Steps(in_dead_time=40, in_half_period=100)
+_SECONDARY = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +42,10 @@ class DutyTable:
     def __post_init__(self) -> None:
         if self.power_W.size == 0 or np.any(np.diff(self.power_W) <= 0):
             raise ParameterError(f"DutyTable.power_W is {self.power_W}; allowed: at least one, rising")
+        for name in ("D1", "D2"):
+            d = getattr(self, name)
+            if d.shape != self.power_W.shape or not np.all((d >= 0) & (d <= 1)):
+                raise ParameterError(f"DutyTable.{name} is {d}; allowed: one from 0 to 1 for each power")
 
     def at(self, power_W: float) -> tuple[Array, Array]:
         """D1 and D2, each (1,); the end rows hold beyond them."""
@@ -54,6 +60,15 @@ class LoadStep:
     to_W: float
     at_s: float = 0.25e-3
     duration_s: float = 2.5e-3
+
+    def __post_init__(self) -> None:
+        for name in ("from_W", "to_W"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise ParameterError(f"LoadStep.{name} is {getattr(self, name)}; allowed: finite and > 0 W")
+        if not 0 <= self.at_s < self.duration_s:
+            raise ParameterError(
+                f"LoadStep.at_s is {self.at_s}; allowed: 0 up to the duration, {self.duration_s} s"
+            )
 
     def load_W(self, time_s: float) -> float:
         """The load at a time."""
@@ -128,6 +143,59 @@ class _Legs:
         return np.where(now, np.maximum(due_s, start_s), np.inf)
 
 
+@dataclass(slots=True, kw_only=True)
+class _ClosedLoop:
+    """The converter, its controller, and what is in force in the present period (D0, D1, D2, each (1,))."""
+
+    solved: Solved
+    loop: VoltageLoop
+    step: LoadStep
+    steps: Steps
+    controller: _Controller
+    legs: _Legs
+    state: State
+    command: tuple[Array, Array, Array]
+
+    @classmethod
+    def settled_at(
+        cls, solved: Solved, loop: VoltageLoop, table: DutyTable, step: LoadStep, steps: Steps
+    ) -> "_ClosedLoop":
+        """The loop at rest, in the steady state of the first load."""
+        circuit, half_period_s = solved.circuit, solved.converter.half_period_s
+        D1, D2 = table.at(step.from_W)
+        D0 = solved.edges[2] - _late(solved)
+        controller = _Controller(
+            loop=loop,
+            table=table,
+            V2_V=float(np.ravel(solved.points.V2_V)[0]),
+            period_s=2 * half_period_s,
+            integral=float((D0 + centre_offset(D1, D2))[0]),
+            load_W=step.from_W,
+        )
+        state = settle(Stepper(circuit=circuit, steps=steps), solved.edges).state
+        return cls(
+            solved=solved, loop=loop, step=step, steps=steps, controller=controller,
+            legs=_Legs.from_start(solved.edges), state=state, command=(D0, D1, D2),
+        )  # fmt: skip
+
+    def run_period(self, start_s: float) -> list[Trace]:
+        """A switching period: sample and decide at its start, act on the decision at its end."""
+        half_period_s = self.solved.converter.half_period_s
+        following = self.controller.decide(float(self.state.output_V[0]), self.step.load_W(start_s))
+        windows = pairwise(_window_edges_s(start_s, half_period_s, self.step.at_s))
+        traces = [self._run_window(*window) for window in windows]
+        self.command = following
+        self.legs.edges = hybrid_edges(*following) + _SECONDARY * _late(self.solved)
+        return traces
+
+    def _run_window(self, start_s: float, end_s: float) -> Trace:
+        output = Output(capacitance_F=self.loop.capacitance_F, load_W=self.step.load_W(start_s))
+        stepper = Stepper(circuit=self.solved.circuit, output=output, steps=self.steps)
+        flips_s = self.legs.flips_s(start_s, end_s, self.solved.converter.half_period_s)
+        self.state, trace = stepper.run(self.state, np.array([end_s]), flips_s)
+        return trace
+
+
 def load_step(
     model: Model, loop: VoltageLoop, table: DutyTable, step: LoadStep, steps: Steps | None = None
 ) -> Response:
@@ -138,42 +206,19 @@ def load_step(
     ParameterError
         Where the table's D1 and D2 cannot carry one of the loads.
     """
-    ends = [_solved_at(model, table, power_W) for power_W in (step.to_W, step.from_W)]
-    solved = ends[-1]
-    fine = steps or Steps(in_dead_time=40, in_half_period=100)
-    V2_V, half_period_s = float(np.ravel(solved.points.V2_V)[0]), solved.converter.half_period_s
-    state = replace(
-        settle(Stepper(circuit=solved.circuit, steps=fine), solved.edges).state,
-        output_V=solved.circuit.nV2_V / solved.circuit.turns_ratio,
-    )
-    D1, D2 = table.at(step.from_W)
-    D0 = solved.edges[2] - _late(solved)
-    controller = _Controller(
-        loop=loop, table=table, V2_V=V2_V, period_s=2 * half_period_s,
-        integral=float((D0 + centre_offset(D1, D2))[0]), load_W=step.from_W,
-    )  # fmt: skip
-    legs = _Legs.from_start(solved.edges)
-    traces, said = [], []
-    for period in range(round(step.duration_s / (2 * half_period_s))):
-        start_s = period * 2 * half_period_s
-        load_W = step.load_W(start_s)
-        said.append((start_s, D0[0], D1[0], D2[0]))
-        following = controller.decide(float(state.output_V[0]), load_W)
-        for window in pairwise(_window_edges_s(start_s, half_period_s, step.at_s)):
-            output = Output(capacitance_F=loop.capacitance_F, load_W=step.load_W(window[0]))
-            stepper = Stepper(circuit=solved.circuit, output=output, steps=fine)
-            state, trace = _advance(stepper, state, legs, window)
-            traces.append(trace)
-        D0, D1, D2 = following
-        legs.edges = hybrid_edges(D0, D1, D2) + _SECONDARY * _late(solved)
-    columns = np.array(said).T
+    _solved_at(model, table, step.to_W)
+    solved = _solved_at(model, table, step.from_W)
+    closed = _ClosedLoop.settled_at(solved, loop, table, step, steps or _STEPS)
+    period_s = 2 * solved.converter.half_period_s
+    starts_s = np.arange(round(step.duration_s / period_s), dtype=float) * float(period_s)
+    traces, commands = [], []
+    for start_s in starts_s.tolist():
+        commands.append(np.concatenate(closed.command))
+        traces += closed.run_period(start_s)
+    D0, D1, D2 = np.array(commands).T
     return Response(
-        trace=_joined(traces), period_start_s=columns[0], D0=columns[1], D1=columns[2], D2=columns[3],
-        step=step, V2_V=V2_V,
+        trace=_joined(traces), period_start_s=starts_s, D0=D0, D1=D1, D2=D2, step=step, V2_V=closed.controller.V2_V
     )  # fmt: skip
-
-
-_SECONDARY = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
 
 
 def loop_plant(model: Model, table: DutyTable, load_W: float) -> LoopPlant:
@@ -206,12 +251,6 @@ def _window_edges_s(start_s: float, half_period_s: float, step_s: float) -> list
     """Ends of the windows of a switching period; the load steps at one of them."""
     even = [start_s + k * half_period_s / _WINDOWS for k in range(2 * _WINDOWS + 1)]
     return sorted({*even, step_s}) if even[0] < step_s < even[-1] else even
-
-
-def _advance(stepper: Stepper, state: State, legs: _Legs, window: tuple[float, float]) -> tuple[State, Trace]:
-    start_s, end_s = window
-    flips_s = legs.flips_s(start_s, end_s, float(stepper.circuit.half_period_s[0]))
-    return stepper.run(state, np.array([end_s]), flips_s)
 
 
 def _joined(traces: list[Trace]) -> Trace:

@@ -62,7 +62,8 @@ def mock(
     hide: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="EFFECT[=VALUE]", help="an effect that the virtual lab has and nobody is told of"
+            metavar="EFFECT[=VALUE]",
+            help="an effect, or a foreign family, that the virtual lab has and nobody is told of",
         ),
     ] = None,
     speed: Annotated[float, typer.Option(help="clock speed of the virtual lab", min=0.01, max=300.0)] = 1.0,
@@ -73,7 +74,7 @@ def mock(
     from drivers.mocks.plant import Plant  # here: a program that runs a real bench loads no mocks
     from drivers.mocks.rack import Rack
 
-    hidden = parse_hidden(hide or [])
+    hidden = parse_hidden(hide or [], foreign=True)
     faults = faults_in(fault)
     stop = threading.Event()
     with on_signals(stop.set):

@@ -20,7 +20,7 @@ from bench.prediction import model_from
 from bench.store import Store, database_url
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
-from bench.wording import effect_name, parameter_text, verdict_text
+from bench.wording import counted, effect_name, parameter_text, verdict_text
 
 app = typer.Typer()
 
@@ -113,4 +113,7 @@ def tell(plain: dict[str, Any]) -> None:
             f"held-out power bands: {100 * gain['before']:.3f} points before, {100 * gain['after']:.3f} after"
         )
     if plain["rejected_rows"]:
-        out.print(f"{len(plain['rejected_rows'])} rows left out; the reasons are in diagnosis.json")
+        rows = counted(len({row["row"] for row in plain["rejected_rows"]}), "row")
+        out.print(f"all or some readings of {rows} left out; the reasons are in diagnosis.json")
+    for column in plain["rejected_columns"]:
+        out.print(escape(f"column {column['column']} left out: {column['reason']}"))

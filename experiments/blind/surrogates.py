@@ -124,13 +124,15 @@ def ask_surrogates(trial: BlindTrial) -> dict[str, Any]:
     return record
 
 
-def regret(model: EfficiencyModel, truth: LabModel, best: Array) -> list[float]:
-    """Points of efficiency lost at a model's optimum against the best there is, at each load that both carry."""
+def regret(model: EfficiencyModel, truth: LabModel, best: Array) -> list[float | None]:
+    """Points of efficiency lost at a model's optimum against the best there is, at each load that the lab carries.
+
+    None where it does not carry that load at the model's optimum, or the model has none.
+    """
     chosen = optimise_on_lattice(model, LOADS_W)
-    both = np.isfinite(chosen.predicted) & np.isfinite(best)
-    got = truth.predict(chosen.D1[both], chosen.D2[both], LOADS_W[both])
-    lost = np.where(np.isfinite(got), best[both] - got, best[both])  # where the lab cannot run, all of it
-    return [float(x) for x in _POINTS * lost]
+    carried = np.isfinite(best)
+    got = truth.predict(chosen.D1[carried], chosen.D2[carried], LOADS_W[carried])
+    return [float(x) if np.isfinite(x) else None for x in _POINTS * (best[carried] - got)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,9 +227,16 @@ def _goal(name: str, value: float, bar: float) -> Goal:
     return Goal(name=name, value=value, bar=bar, at_least=False, unit="points")
 
 
+def _lost(records: Sequence[dict[str, Any]]) -> tuple[list[float], int]:
+    """Points lost at the optimum over labs and loads, and how many of those could not be run there."""
+    found = [x for r in records for x in r["regret"]]
+    lost = [x for x in found if x is not None]
+    return lost or [float("nan")], len(found) - sum(x is not None for x in found)
+
+
 def _row(size: int, kind: str, records: Sequence[dict[str, Any]]) -> tuple[Cell, ...]:
     errors = [r["error"][kind] for r in records]
-    lost = [x for r in records for x in r["regret"]] if kind == CALIBRATED else []
+    lost = _lost(records)[0] if kind == CALIBRATED else []
     tail = (float(np.mean(lost)), max(lost)) if lost else (None, None)
     return size, kind, float(np.mean(errors)), max(errors), *tail
 

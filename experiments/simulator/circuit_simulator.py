@@ -1,14 +1,16 @@
 """The steady state against ngspice on the same circuit: current, conduction loss, power, and time."""
 
+import resource
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.harness.result import Cell, Table
+from experiments.harness.result import Cell, Goal, Table
 from experiments.harness.settings import Settings
 from experiments.peers.ngspice import NgspiceFailed, installed, run_ngspice
 from experiments.simulator.points import Findings, at_least, at_most, running_points
+from experiments.simulator.speed import processor_s
 from sim.losses import switching_losses
 from sim.model import Model
 from sim.netlist import SETTLED, netlist
@@ -31,7 +33,7 @@ class _Compared:
     row: tuple[Cell, ...]
     rms: float = float("nan")
     conduction: float = float("nan")
-    seconds: float = float("nan")
+    processor_s: float = float("nan")
     unsettled: float = float("nan")
 
 
@@ -39,9 +41,8 @@ def ngspice_findings(per_point_s: float, settings: Settings) -> Findings:
     """Random points, some at light load, each settled by ngspice from the current of ideal square waves."""
     if not installed():
         note = "not run: there is no ngspice on the PATH (Debian: apt-get install ngspice)"
-        return Findings(
-            goals=(at_most("ngspice, rms current", float("nan"), CURRENT_BAR, "%"),), notes=(note,)
-        )
+        nothing = float("nan")
+        return Findings(goals=_goals(nothing, nothing, nothing, "not run"), notes=(note,))
     light = settings.thinned(LIGHT_POINTS)
     rng = np.random.default_rng(SEED)
     points = Points.join([
@@ -49,30 +50,18 @@ def ngspice_findings(per_point_s: float, settings: Settings) -> Findings:
     ])  # fmt: skip
     solved = solve_points(Model.baseline(), points)
     ours = _conduction_W(solved)
-    compared = [_compare(solved, k, ours[k], settings) for k in range(len(points))]
+    compared = [_compare(solved, k, ours[k]) for k in range(len(points))]
     failed = sum(not np.isfinite(c.rms) for c in compared)
-    seconds = [c.seconds for c in compared if np.isfinite(c.seconds)]
+    used_s = [c.processor_s for c in compared if np.isfinite(c.processor_s)]
     worst_rms, worst_loss = (_worst([getattr(c, name) for c in compared]) for name in ("rms", "conduction"))
-    ratio = float(np.median(seconds or [np.nan])) / per_point_s
+    ratio = float(np.median(used_s or [np.nan])) / per_point_s
     said = f"worst of {len(points)} points, {light} at light load"
     columns = (
-        "D1",
-        "D2",
-        "W",
-        "rms, %",
-        "conduction, %",
-        "P2, %",
-        "unsettled, %",
-        "mean current, A",
-        "s",
+        "D1", "D2", "W", "rms, %", "conduction, %", "P2, %", "unsettled, %", "mean current, A", "processor s",
         "failure",
-    )
+    )  # fmt: skip
     return Findings(
-        goals=(
-            at_most(f"ngspice, rms current, {said}", worst_rms, CURRENT_BAR, "%"),
-            at_most(f"ngspice, conduction loss, {said}", worst_loss, CONDUCTION_BAR, "%"),
-            at_least("ngspice's time over ours, per point", ratio, RATIO_BAR, "times"),
-        ),
+        goals=_goals(worst_rms, worst_loss, ratio, said),
         tables=(Table(title="ngspice against the simulator", columns=columns, rows=tuple(c.row for c in compared)),),
         notes=(
             f"ngspice: {failed} of {len(points)} runs failed; settled from the current of lossless square waves, the "
@@ -82,6 +71,14 @@ def ngspice_findings(per_point_s: float, settings: Settings) -> Findings:
             "of the secondary",
         ),
     )  # fmt: skip
+
+
+def _goals(rms: float, conduction: float, ratio: float, said: str) -> tuple[Goal, ...]:
+    return (
+        at_most(f"ngspice, rms current, {said}", rms, CURRENT_BAR, "%"),
+        at_most(f"ngspice, conduction loss, {said}", conduction, CONDUCTION_BAR, "%"),
+        at_least("ngspice's processor time over ours, per point", ratio, RATIO_BAR, "times"),
+    )
 
 
 def _worst(values: list[float]) -> float:
@@ -123,19 +120,20 @@ def _without_edge_losses(solved: Solved) -> Solved:
     return replace(solved, converter=replace(converter, primary=primary, secondary=secondary))
 
 
-def _compare(solved: Solved, k: int, ours_W: float, settings: Settings) -> _Compared:
+def _compare(solved: Solved, k: int, ours_W: float) -> _Compared:
     point = solved.points.take(np.array([k]))
     at: tuple[Cell, ...] = tuple(float(np.ravel(x)[0]) for x in (point.D1, point.D2, point.power_W))
-    start_s = settings.now()
+    before = processor_s(resource.RUSAGE_CHILDREN)
     try:
         measured = run_ngspice(netlist(Model.baseline(), point))
     except NgspiceFailed as error:
         return _Compared(row=(*at, *([None] * 6), str(error)))
-    seconds = settings.now() - start_s
+    used_s = processor_s(resource.RUSAGE_CHILDREN) - before
     theirs_W = sum(measured[f"loss_{kind}_conduction_w"] for kind in KINDS)
     rms = 100 * (measured["i_l_rms_a"] / solved.result["I_L_rms_A"][k] - 1)
     conduction = 100 * (theirs_W / ours_W - 1)
     output = 100 * (measured["p2_w"] / float(np.ravel(point.power_W)[0]) - 1)
     unsettled = 100 * abs(measured[SETTLED.lower()] / measured["i_l_rms_a"] - 1)
-    row = (*at, rms, conduction, output, unsettled, measured["i_l_mean_a"], seconds, None)
-    return _Compared(row=row, rms=rms, conduction=conduction, seconds=seconds, unsettled=unsettled)
+    off = tuple(map(float, (rms, conduction, output, unsettled)))
+    row = (*at, *off, measured["i_l_mean_a"], used_s, None)
+    return _Compared(row=row, rms=off[0], conduction=off[1], processor_s=used_s, unsettled=off[3])

@@ -44,10 +44,10 @@ def grid_cost(settings: Settings) -> GridCost:
     simulate(model, grid((5, 5, 4)))  # what is made once only is made before the clock starts
     wall_s, used_s, feasible = [], [], 0
     for _ in range(REPEATS):
-        start_s, before = settings.now(), _processor_s(resource.RUSAGE_SELF)
+        start_s, before = settings.now(), processor_s(resource.RUSAGE_SELF)
         feasible = int(simulate(model, grid()).feasible.sum())
         wall_s.append(settings.now() - start_s)
-        used_s.append(_processor_s(resource.RUSAGE_SELF) - before)
+        used_s.append(processor_s(resource.RUSAGE_SELF) - before)
     return GridCost(seconds=min(wall_s), processor_s=min(used_s), feasible=feasible)
 
 
@@ -56,9 +56,9 @@ def grid_findings(cost: GridCost, settings: Settings) -> Findings:
     with tempfile.TemporaryDirectory() as folder:
         options = ("simulate", "--grid", "25x25x20", "--out", str(Path(folder, "grid.parquet")))
         command = [sys.executable, "-c", "from bench.cli import main; main()", *options]
-        start_s, before = settings.now(), _processor_s(resource.RUSAGE_CHILDREN)
+        start_s, before = settings.now(), processor_s(resource.RUSAGE_CHILDREN)
         subprocess.run(command, check=True, capture_output=True)
-        whole_s, used_s = settings.now() - start_s, _processor_s(resource.RUSAGE_CHILDREN) - before
+        whole_s, used_s = settings.now() - start_s, processor_s(resource.RUSAGE_CHILDREN) - before
     load = os.getloadavg()[0]
     return Findings(
         goals=(
@@ -130,9 +130,9 @@ def _swept(points: int, settings: Settings) -> _Rung:
             out=Path(folder, "sweep.parquet"),
             chunk_rows=SMALLEST_SWEEP,
         )
-        start_s, before = settings.now(), _processor_s()
+        start_s, before = settings.now(), processor_s()
         run_sweep(sweep, Workers(processes=settings.processes), lambda _done, _total: None)
-        seconds, used_s = settings.now() - start_s, _processor_s() - before
+        seconds, used_s = settings.now() - start_s, processor_s() - before
     memory = max(
         resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     )
@@ -144,7 +144,7 @@ def _folder(settings: Settings) -> Path:
     return settings.out
 
 
-def _processor_s(*whom: int) -> float:
+def processor_s(*whom: int) -> float:
     """Processor time so far of this process and its ended children, or of those named."""
     usage = [resource.getrusage(who) for who in whom or (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(u.ru_utime + u.ru_stime for u in usage)

@@ -1,5 +1,6 @@
 """``diagnose(measurements)``: what the simulation gets wrong, why, how sure, and what it is worth to know."""
 
+from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
@@ -203,6 +204,14 @@ def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
     ]
 
 
+def _left_out_before(measurements: Measurements) -> str:
+    """What the table lost before, and why most of it."""
+    if not measurements.rejected:
+        return ""
+    reason, count = Counter(row.reason for row in measurements.rejected).most_common(1)[0]
+    return f". {len(measurements.rejected)} rows were left out, {count} of them because: {reason}"
+
+
 def _outliers(setting: Setting) -> list[dict[str, Any]]:
     """Single readings that nothing smooth explains, and that therefore count for next to nothing."""
     o = setting.refinery.observations
@@ -251,6 +260,7 @@ def diagnose(
     if int(observations.loaded.sum()) < LEAST_ROWS:
         raise TooFewPoints(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
+            + _left_out_before(measurements)
         )
     check_inputs(observations, baseline.converter)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
@@ -261,7 +271,7 @@ def diagnose(
     known = signatures(observations, baseline, left_out)
     wrong, rejected_columns = implausible(observations, known.baseline)
     kept = known.finite() & ~wrong
-    observations, known = observations.take(kept), known.take(kept)
+    observations, known = observations.take(kept).in_use(), known.take(kept)
     rejected = _edge_rows(whole, observations)
     usable = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
     if usable < LEAST_ROWS:

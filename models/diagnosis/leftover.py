@@ -22,7 +22,7 @@ AMPLITUDES_W = (0.15, 0.5, 1.5, 5.0)
 _COLUMNS = 40  # of one smooth map: more would be noise
 _CAPTURED = 0.98  # of the kernel's trace
 _TREND = 2.0  # of the amplitude: a level or a slope is likelier than a bump
-_LENGTH_OF_TIME = 0.3  # of the campaign
+_LENGTH_OF_TIME = 0.1  # of the campaign
 _POWERS = ("efficiency", "P_link1_W", "P_link2_W")
 _TEMPERATURES = ("T_heatsink_C", "T_transformer_C", "T_inductor_C")
 # What one watt lost at a location moves: channels that follow it together, and channels by amounts of their own.
@@ -92,6 +92,9 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
     moment = time_s / max(float(np.ptp(time_s)) * _LENGTH_OF_TIME, 1e-9)
     later = np.concatenate([_TREND * levels, trends(moment), smooth_maps(moment)])[:, place]
     watt = np.array([c.watt for c in observations.channels])[observations.channel]
+    carried = np.asarray(observations.points.power_W)[row] > 0
+    powers = np.any([observations.of(name) for name in _POWERS], axis=0)
+    at_output = np.where(carried, per_watt, np.where(powers, 1.0, 0.0))
     present = {c.name for c in observations.channels}
     found: list[Array] = []
     known: dict[tuple[str, ...], NDArray[np.intp]] = {}
@@ -114,7 +117,7 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
             if (shared, own) in seen or not (shared or own):
                 continue
             seen.add((shared, own))
-            scale = per_watt if name == "output" and len(shared) > 1 else watt
+            scale = at_output if name == "output" and len(shared) > 1 else watt
             columns = [part(shared, scale)] if shared else []
             yield name, np.concatenate([*columns, *(part((c,), watt) for c in own)])
         if np.ptp(time_s) > 0.0 and "efficiency" in present:

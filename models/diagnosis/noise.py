@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 _PROPORTIONAL = {"efficiency", "P_link1_W", "P_link2_W", "I_L_rms_A"}
 _WITHOUT_REPLICATES = {"efficiency": 1.5e-4, "P_link1_W": 5e-4, "P_link2_W": 5e-4, "I_L_rms_A": 5e-4}
+_ON_THE_GRID = 1e-6  # of a step
 _FAR_OFF = 3.0  # sigmas
 _CLIPPED = 0.9733  # mean square of a normal deviate clipped at three
 _SCALES = (0.4, 4.0)  # of a channel's noise, as found from replicates or as assumed without
@@ -110,8 +111,22 @@ def sigma_of(observations: Observations, noise: list[ChannelNoise]) -> Array:
     sigma = np.zeros(observations.value.size)
     for entry, channel in zip(noise, observations.channels, strict=True):
         mask = observations.of(entry.channel)
-        sigma[mask] = np.hypot(entry.sigma * scale_of(observations, entry.channel)[mask], channel.floor)
+        random = entry.sigma * scale_of(observations, entry.channel)[mask]
+        sigma[mask] = np.sqrt(random**2 + channel.floor**2 + resolution(observations.value[mask]) ** 2 / 12)
     return sigma
+
+
+def resolution(values: Array) -> float:
+    """The decimal step that all values (n,) are multiples of: how far a table was rounded; 0 if to nothing coarse.
+
+    >>> resolution(np.array([0.12, 0.3, -0.05])), resolution(np.array([100.0, 250.0])), resolution(np.array([1 / 3]))
+    (0.01, 10.0, 0.0)
+    """
+    for power in range(2, -6, -1):
+        step = float(10.0**power)
+        if np.all(np.abs(values / step - np.round(values / step)) < _ON_THE_GRID):
+            return step
+    return 0.0
 
 
 def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Array, left: Array) -> Array:

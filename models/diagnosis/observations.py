@@ -88,6 +88,11 @@ class Observations:
             value=self.value[readings],
         )
 
+    def in_use(self) -> Self:
+        """The same readings without the channels that have none left."""
+        used, channel = np.unique(self.channel, return_inverse=True)
+        return replace(self, channels=tuple(self.channels[k] for k in used), channel=channel.astype(np.intp))
+
     def predicted(self, result: Result, row: NDArray[np.intp] | None = None) -> Array:
         """What a simulation says of every reading, (M,); ``row`` are the readings' places in its points."""
         table = np.stack([result[c.column] for c in self.channels])

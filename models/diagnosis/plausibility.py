@@ -17,7 +17,9 @@ from sim.simulate import can_run
 
 Array = NDArray[np.float64]
 
-_MOST_OFF = 3.0  # of a nominal voltage, or of what the simulation expects: more is another unit
+_HELD = 1.25  # of a nominal voltage: the supply and the controller hold them
+_MOST_OFF = 3.0  # of what the simulation expects: more is another unit
+_AMBIENT_C = (-40.0, 85.0)
 _STUCK = 1e-9  # relative: not even the last digit moves
 _MOVES = 5.0  # noise floors that a channel should move over the campaign before it is called stuck
 _ENOUGH = 6  # readings to judge a column by
@@ -54,22 +56,27 @@ class _Column:
 
 
 def check_inputs(observations: Observations, converter: Converter) -> None:
-    """Refuse tables whose voltages or duty ratios cannot be of this converter.
+    """Refuse tables whose voltages or room cannot be of this converter.
 
     Raises
     ------
     ImplausibleTable
-        A terminal voltage far from nominal, or most rows beyond what the converter carries.
+        A terminal voltage far from nominal, or a room that no bench stands in.
     """
     loaded = observations.loaded
     for name, nominal in (("V1_V", converter.V1_V), ("V2_V", converter.V2_V)):
         typical = float(np.median(np.asarray(getattr(observations.points, name))[loaded]))
-        low, high = nominal / _MOST_OFF, nominal * _MOST_OFF
+        low, high = nominal / _HELD, nominal * _HELD
         if not low < typical < high:
             raise ImplausibleTable(
                 f"{name}: median {typical:g}, but this converter's is {nominal:g} V; {low:.0f} to {high:.0f} V is "
                 "allowed. Is the column in another unit, or the model that of another converter?"
             )
+    ambient = float(np.median(np.asarray(observations.points.ambient_C)[loaded]))
+    if not _AMBIENT_C[0] <= ambient <= _AMBIENT_C[1]:
+        raise ImplausibleTable(
+            f"T_ambient_C: median {ambient:g}; {_AMBIENT_C[0]:g} to {_AMBIENT_C[1]:g} degC is allowed. Is it in kelvin?"
+        )
 
 
 def check_set_points(observations: Observations, baseline: Model) -> None:

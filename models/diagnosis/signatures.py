@@ -10,7 +10,7 @@ from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
-from sim.parameters import Converter
+from sim.parameters import Converter, ParameterError
 from sim.simulate import Points, can_run, simulate
 from sim.spread import Spread, everyday_spread
 
@@ -53,7 +53,7 @@ class Signatures:
     """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
 
     The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
-    tolerance without being a converter's parameter, by name, and the instruments.
+    tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
     ``per_watt`` (M,) its change for one watt more at the output.
     """
@@ -69,8 +69,8 @@ class Signatures:
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
         entry = CATALOGUE[name]
-        paths = entry.paths if isinstance(entry, ParameterEffect) else (name,)
-        return np.flatnonzero(np.isin(self.spread_names, paths))
+        paths = entry.paths if isinstance(entry, ParameterEffect) else ()
+        return np.flatnonzero(np.isin(self.spread_names, (name, *paths)))
 
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
@@ -103,7 +103,12 @@ def signatures(
 
     An effect that is left out as a cause still has its everyday tolerance.
     """
-    entries = [(name, entry, other) for name, entry in CATALOGUE.items() for other in entry.variants()]
+    entries = [
+        (name, entry, other)
+        for name, entry in CATALOGUE.items()
+        if applies(entry, baseline.converter)
+        for other in entry.variants()
+    ]
     present = baseline.effects
     models = [baseline]
     for name, entry, other in entries:
@@ -118,7 +123,9 @@ def signatures(
     ]
     (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base)
     effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
-    everyday = {s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry)}
+    everyday = {
+        s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry, spreads)
+    }
     everyday |= _instrument_spreads(observations, baseline.converter) | {"measured V1": V1, "measured V2": V2}
     return Signatures(
         baseline=base,
@@ -131,9 +138,20 @@ def signatures(
     )
 
 
-def _is_everyday(entry: Effect) -> bool:
-    """Whether every bench has a little of an effect that is no parameter of the converter."""
-    return not isinstance(entry, ParameterEffect) and not entry.threshold and entry.headline.tolerance > 0
+def applies(entry: Effect, converter: Converter) -> bool:
+    """Whether a converter has the parts that an effect changes."""
+    try:
+        entry.converter(converter, {entry.headline.name: entry.headline.off + step_of(entry)})
+    except ParameterError:
+        return False
+    return True
+
+
+def _is_everyday(entry: Effect, spreads: tuple[Spread, ...]) -> bool:
+    """Whether every bench has a little of an effect, beside the spreads of the converter's parameters."""
+    paths = entry.paths if isinstance(entry, ParameterEffect) else ()
+    known = {spread.path for spread in spreads}
+    return not entry.threshold and entry.headline.tolerance > 0 and known.isdisjoint(paths)
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:

@@ -20,7 +20,10 @@ Array = NDArray[np.float64]
 SURE = 0.95
 _UNEXPLAINED = 4.0  # chi-squared per reading: noise that is understated by half leaves 2.3
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
-_ABOVE_LEFTOVER = 1.25  # times the leftover's length
+_ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
+    1.25,
+    3.0,
+)  # times the leftover's length; a threshold catches what is not smooth
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
@@ -66,6 +69,11 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
 
 
+def _above(term: Term) -> float:
+    """How many times the leftover's length a cause's significance must be for its name."""
+    return _THRESHOLD_ABOVE if term.signature.entry.threshold else _ABOVE_LEFTOVER
+
+
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     """Every cause with its probability, most probable first."""
     best: dict[str, Fit] = {}
@@ -86,12 +94,7 @@ def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float
 def _tie_group(
     first: Cause, rivals: Sequence[Cause], hypotheses: Sequence[Hypothesis], whitener: Whitener
 ) -> tuple[str, ...]:
-    """A cause and the rivals that the design cannot tell from it, until one of them is there with 95 %.
-
-    A cause that the design cannot tell from nothing has no group: everything would be in it.
-    """
-    if isolability(first.shift, np.zeros_like(first.shift), whitener) < _TIED_BELOW:
-        return ()
+    """A cause and the rivals that the design cannot tell from it, until one of them is there with 95 %."""
     group = [first.effect]
     for other in rivals:
         if _any_of(hypotheses, group) >= SURE or other.probability < _WORTH_A_WORD:
@@ -122,12 +125,11 @@ def judge(
     )
     nameless = sum(h.probability for h in bare if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
-    large = [
-        c for c in causes if c.term.significance >= _ABOVE_LEFTOVER * leftover and c.term.beyond_everyday
-    ]
+    large = [c for c in causes if c.term.beyond_everyday and c.term.significance >= leftover * _above(c.term)]
     named = tuple(c.effect for c in large if c.probability >= SURE)
     rest = [c for c in large if c.effect not in named]
-    group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest else ()
+    # while nothing can be wrong at all, everything would be in a group
+    group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and ordinary < 1 - SURE else ()
     if named or group:
         kind = "named" if named else "group"
     elif ordinary >= 1 - SURE and ordinary >= nameless and misfit <= _UNEXPLAINED:

@@ -205,6 +205,17 @@ def test_hidden_effects_are_checked_all_at_once() -> None:
     assert len(caught.value.problems) == 2
 
 
+def test_foreign_families_can_be_hidden_where_a_lab_is_made_and_nowhere_else() -> None:
+    assert parse_hidden(["dc_link_esr=0.3", "edge_ringing"], foreign=True) == {
+        "dc_link_esr": 0.3,
+        "edge_ringing": None,
+    }
+    with pytest.raises(InputError, match="dc_link_esr"):
+        parse_hidden(["dc_link_esr=0.3"])
+    with pytest.raises(InputError, match="0 or more"):
+        parse_hidden(["dc_link_esr=-1"], foreign=True)
+
+
 def test_mock_listens_until_it_is_ended_and_takes_its_file_away() -> None:
     command = [sys.executable, "-c", "from bench.cli import main; main()", "mock", "--out", "rack.toml"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as rack:

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sim.model import Model
+from sim.operating_points import Points
 from sim.parameters import ParameterError
+from sim.solved import solve_points
 from sim.stepping import Output, Settled, Stepper, Steps, at_rest, settle
 from tests.sim.orbits import Case, random_case, solve
 
@@ -82,3 +85,12 @@ def test_the_state_half_a_period_earlier_is_the_mirror() -> None:
 def test_too_few_nodes_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least 2 nodes"):
         Steps(in_dead_time=1)
+
+
+def test_a_saturating_inductor_has_the_exact_orbit_too() -> None:
+    model = Model.baseline().with_effect("inductor_saturation", relative_drop=0.3)
+    solved = solve_points(model, Points(D1=np.array([1.0, 0.9]), D2=0.05, power_W=np.array([1900.0, 1500.0])))
+    plain = solve_points(Model.baseline(), solved.points)
+    settled = settle(Stepper(circuit=solved.circuit, steps=COARSE), solved.edges)
+    np.testing.assert_allclose(settled.rms_A, solved.result["I_L_rms_A"], rtol=2e-3)  # steps of 170 ns
+    assert np.all(np.abs(plain.result["I_L_rms_A"] / settled.rms_A - 1) > 5e-3)  # and it matters

@@ -88,3 +88,21 @@ def test_the_slope_of_the_plant_is_that_of_single_phase_shift() -> None:
 def test_gains_must_be_positive() -> None:
     with pytest.raises(ParameterError, match="proportional_per_V is 0"):
         replace(prototype_voltage_loop(), proportional_per_V=0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"to_W": -1.0}, "to_W is -1"),
+        ({"from_W": float("nan")}, "from_W is nan"),
+        ({"at_s": 1.0}, "at_s is 1"),
+    ],
+)
+def test_an_impossible_step_is_refused(changes: dict[str, float], said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        LoadStep(**{"from_W": 600.0, "to_W": 1600.0, **changes})
+
+
+def test_a_table_outside_the_duty_ratios_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"DutyTable.D1 .* one from 0 to 1"):
+        replace(TABLE, D1=np.array([0.9, 1.2]))

@@ -17,7 +17,7 @@ from sim.steady_state import FINE, Circuit
 Array = NDArray[np.float64]
 
 LAB_ACCURACY = replace(FINE, power=1e-5)
-_BENT_ROUNDS = 2  # a run goes on from the last one's solution, and every point is run several times
+_BENT_ROUNDS = 2  # for a first run; the next ones go on from its solution
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,13 +111,13 @@ class Link:
     ) -> tuple[Circuit, Regulated]:
         """Regulate so that ``power_W`` arrives behind ``secondary_W`` of switching loss, at given heat.
 
-        What saturation carries beyond a constant inductance is taken off the solver's target, a few times over.
+        What saturation carries beyond a constant inductance is taken off the solver's target.
         """
         circuit = self.adapt(lab_circuit(self.converter, heat, demand), demand, heat)
         edges = hybrid_edges(-centre_offset(demand.D1, demand.D2), demand.D1, demand.D2)
         edges[2:] += self.converter.secondary_delay_s / self.converter.half_period_s
         target = demand.power_W + secondary_W
-        for _ in range(1 if self.choke.drop == 0.0 else _BENT_ROUNDS):
+        for _ in range(1 if warm is not None or self.choke.drop == 0.0 else _BENT_ROUNDS):
             extra = 0.0 if warm is None else self.choke.extra_W(warm.orbit)
             goal = np.maximum(target - extra, 0.0)
             warm = regulate(circuit, edges, goal, warm=warm, accuracy=LAB_ACCURACY)

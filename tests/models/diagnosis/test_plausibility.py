@@ -84,3 +84,8 @@ def test_the_table_of_another_converter_is_refused(frame: pd.DataFrame) -> None:
     )
     with pytest.raises(ImplausibleTable, match="model file that of this converter"):
         check_set_points(observe(frame, weak.converter), weak)
+
+
+def test_a_room_in_kelvin_is_refused(frame: pd.DataFrame) -> None:
+    with pytest.raises(ImplausibleTable, match=r"T_ambient_C: median 298.*kelvin"):
+        check_inputs(observe(frame.assign(T_ambient_C=298.0), prototype()), prototype())
