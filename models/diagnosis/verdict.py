@@ -24,6 +24,7 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
     1.25,
     3.0,
 )  # times the leftover's length; a threshold catches what is not smooth
+_FAINT = 12.0  # sigmas of a leftover that the model's own shortcomings have on any bench
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
@@ -67,6 +68,12 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
     both = np.stack([a, b])
     (aa, ab), (_, bb) = both @ whitener.solve(both.T)
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
+
+
+def _is_ordinary(hypothesis: Hypothesis, faint: bool) -> bool:
+    """Whether it holds nothing that an ordinary bench has not; a ``faint`` leftover is that."""
+    everyday = not any(t.beyond_everyday for t in hypothesis.fit.terms)
+    return everyday and (faint or hypothesis.leftover is None)
 
 
 def _above(term: Term) -> float:
@@ -118,12 +125,9 @@ def judge(
     """
     bare = [h for h in hypotheses if not h.fit.terms]
     nothing = sum(h.probability for h in bare if h.leftover is None)
-    ordinary = sum(
-        h.probability
-        for h in hypotheses
-        if h.leftover is None and not any(t.beyond_everyday for t in h.fit.terms)
-    )
-    nameless = sum(h.probability for h in bare if h.leftover is not None)
+    faint = leftover < _FAINT
+    ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
+    nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
     large = [c for c in causes if c.term.beyond_everyday and c.term.significance >= leftover * _above(c.term)]
     named = tuple(c.effect for c in large if c.probability >= SURE)

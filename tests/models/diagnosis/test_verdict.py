@@ -88,8 +88,10 @@ def test_where_nothing_cannot_be_excluded_no_cause_is_named() -> None:
 
 
 def test_a_leftover_without_a_cause_is_unknown() -> None:
-    verdict = judged((None, 0 * ALONG, 5.0, 0.9), ("link_resistance", ALONG, 5.0, 0.1))
+    entries = ((None, 0 * ALONG, 5.0, 0.9), ("link_resistance", ALONG, 5.0, 0.1))
+    verdict = judged(*entries, leftover=40.0)
     assert verdict.kind == "unknown"
+    assert judged(*entries, leftover=6.0).kind == "consistent"  # as faint as the model's own shortcomings
     assert verdict.unknown_probability == pytest.approx(1.0)
 
 
