@@ -25,7 +25,7 @@ from sim.effects.base import EffectParameter
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_EVERYDAY = 2.0  # standard deviations, the part's own spread among them
+_EVERYDAY = 3.0  # standard deviations, the part's own spread among them
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
 
 

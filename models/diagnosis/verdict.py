@@ -129,7 +129,8 @@ def judge(
     ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
-    large = [c for c in causes if c.term.beyond_everyday and c.term.significance >= leftover * _above(c.term)]
+    least = 0.0 if faint else leftover
+    large = [c for c in causes if c.term.beyond_everyday and c.term.significance >= least * _above(c.term)]
     named = tuple(c.effect for c in large if c.probability >= SURE)
     rest = [c for c in large if c.effect not in named]
     # while nothing can be wrong at all, everything would be in a group

@@ -125,9 +125,8 @@ def test_while_all_may_be_in_order_there_is_no_group() -> None:
 
 def test_a_cause_that_is_small_beside_what_is_left_over_is_not_named() -> None:
     entries = (("link_resistance", ALONG, 1.5, 0.99), (None, 0 * ALONG, 5.0, 0.01))
-    significance = 1.0 / 0.1  # the made-up fits' value over their sigma
-    assert judged(*entries, leftover=0.5 * significance).kind == "named"
-    assert judged(*entries, leftover=1.0 * significance).kind == "unknown"
+    assert judged(*entries, leftover=11.0).kind == "named"  # faint: the model's own shortcomings
+    assert judged(*entries, leftover=13.0).kind == "unknown"  # the made-up values are 10 sigmas from off
 
 
 def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
