@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 P_CONSISTENT, P_LEFTOVER = 0.5, 0.2
 P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
+_FURTHER = 3.0  # in log evidence, for each further cause: what the first one's law misses looks a little like another
 _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
@@ -45,7 +46,7 @@ def log_prior(fit: Fit, catalogue: int) -> float:
         return float(np.log(P_CONSISTENT))
     variants = math.prod(len(t.signature.entry.variants()) for t in fit.terms)
     ways = math.comb(catalogue, causes) * variants
-    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways)
+    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways) - _FURTHER * (causes - 1)
 
 
 def posterior(refinery: Refinery) -> list[Hypothesis]:

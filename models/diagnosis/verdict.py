@@ -82,13 +82,14 @@ def _above(term: Term) -> float:
 
 
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
-    """Every cause with its probability, most probable first."""
+    """Every cause with the probability that it is further off than on any ordinary bench, most probable first."""
     best: dict[str, Fit] = {}
     total: dict[str, float] = {}
     for h in hypotheses:
-        for name in h.fit.effects:
-            best.setdefault(name, h.fit)
-            total[name] = total.get(name, 0.0) + h.probability
+        for term in h.fit.terms:
+            if term.beyond_everyday:
+                best.setdefault(term.effect, h.fit)
+                total[term.effect] = total.get(term.effect, 0.0) + h.probability
     order = sorted(total, key=lambda name: -total[name])
     return [Cause(effect=name, fit=best[name], probability=total[name]) for name in order]
 
@@ -130,7 +131,7 @@ def judge(
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
     least = 0.0 if faint else leftover
-    large = [c for c in causes if c.term.beyond_everyday and c.term.significance >= least * _above(c.term)]
+    large = [c for c in causes if c.term.significance >= least * _above(c.term)]
     named = tuple(c.effect for c in large if c.probability >= SURE)
     rest = [c for c in large if c.effect not in named]
     # while nothing can be wrong at all, everything would be in a group

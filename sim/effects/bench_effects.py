@@ -107,7 +107,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         name="fan_step",
         stage="supply, wiring",
         parameters=(
-            _one("power_W", "W", 0.2, 3.0, 0.0, 30.0),
+            _one("power_W", "W", 0.4, 3.0, 0.0, 30.0),
             EffectParameter(
                 name="threshold_C",
                 scan=(30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0),

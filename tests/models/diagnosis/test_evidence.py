@@ -112,7 +112,8 @@ def test_larger_hypotheses_share_a_smaller_prior() -> None:
     catalogue = 20
     assert np.exp(log_prior(Fit.nothing(3), catalogue)) == pytest.approx(0.5)
     assert catalogue * np.exp(log_prior(one, catalogue)) == pytest.approx(0.5 * 0.75)
-    assert 190 * np.exp(log_prior(two, catalogue)) == pytest.approx(0.5 * 0.2)  # 20 * 19 / 2 pairs
+    # 20 * 19 / 2 pairs, each of which has to earn three units more
+    assert 190 * np.exp(log_prior(two, catalogue)) == pytest.approx(0.5 * 0.2 * np.exp(-3.0))
 
 
 def test_an_everyday_spread_is_not_called_a_cause() -> None:
