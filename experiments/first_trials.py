@@ -5,7 +5,7 @@ trial is left out for being hard to see; :mod:`experiments.blind_trials` asks th
 pairs, foreign effects and other noise as well. Found: what is hidden is named, or in a stated group. False name:
 something is stated that is not there.
 
-Scored seeds start at 320000; no other trial and no tuning uses them.
+Scored seeds start at 330000; no other trial and no tuning uses them.
 """
 
 import math
@@ -29,7 +29,7 @@ from experiments.harness.settings import Settings
 from experiments.harness.trials import perform
 from sim.effects.catalogue import CATALOGUE
 
-FIRST_SEED = 320_000
+FIRST_SEED = 330_000
 SIZES = ("small", "medium", "large")
 LABS_A_SIZE = 2
 LABS_WITH_NOTHING = 6

@@ -24,6 +24,7 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
     1.25,
     3.0,
 )  # times the leftover's length; a threshold catches what is not smooth
+_OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
 _FAINT = 12.0  # sigmas of a leftover that the model's own shortcomings have on any bench
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
@@ -81,13 +82,19 @@ def _above(term: Term) -> float:
     return _THRESHOLD_ABOVE if term.signature.entry.threshold else _ABOVE_LEFTOVER
 
 
+def _catches(term: Term, fit: Fit) -> bool:
+    """Whether a threshold is too small, beside another cause, to be more than what that one's law misses."""
+    beside = len(fit.terms) > 1 and term.signature.entry.threshold
+    return beside and abs(term.distance) < _OF_ITS_OWN * term.head.prior
+
+
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     """Every cause with the probability that it is further off than on any ordinary bench, most probable first."""
     best: dict[str, Fit] = {}
     total: dict[str, float] = {}
     for h in hypotheses:
         for term in h.fit.terms:
-            if term.beyond_everyday:
+            if term.beyond_everyday and not _catches(term, h.fit):
                 best.setdefault(term.effect, h.fit)
                 total[term.effect] = total.get(term.effect, 0.0) + h.probability
     order = sorted(total, key=lambda name: -total[name])

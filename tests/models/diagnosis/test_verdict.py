@@ -134,3 +134,11 @@ def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
     for tolerances, kind in ((1.0, "consistent"), (5.0, "named")):
         fit = fit_of("fan_step", ALONG, value=head.off + tolerances * head.tolerance)
         assert judge([Hypothesis(fit=fit, leftover=None, probability=1.0)], WHITENER).kind == kind
+
+
+def test_a_small_threshold_beside_another_cause_does_not_count() -> None:
+    prior = CATALOGUE["fan_step"].headline.prior
+    for value, stated in ((0.6 * prior, ()), (0.9 * prior, ("fan_step",))):
+        fit = joint_fit({"link_resistance": ALONG, "fan_step": ACROSS}, ALONG + ACROSS, value=value)
+        verdict = judge([Hypothesis(fit=fit, leftover=None, probability=1.0)], WHITENER)
+        assert set(verdict.stated) - {"link_resistance"} == set(stated)
