@@ -34,7 +34,7 @@ class PtyPort:
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self._stopped, self._stopping = os.pipe()
-        self._writing = threading.Lock()
+        self._writing, self._ending = threading.Lock(), threading.Lock()
         self._closed = False
         self.path = os.ttyname(self._slave)
 
@@ -60,13 +60,18 @@ class PtyPort:
 
     def interrupt(self) -> None:
         """Make every ``read`` and ``write``, now and from now on, return at once."""
-        os.write(self._stopping, b"!")
+        with self._ending:
+            if not self._closed:
+                os.write(self._stopping, b"!")
 
     def close(self) -> None:
-        """Hang up: the client sees an input/output error. Call once, when nobody reads any more."""
-        self.interrupt()
-        with self._writing:
+        """Hang up: the client sees an input/output error. For when nobody reads any more; once is enough."""
+        with self._ending:
+            if self._closed:
+                return
+            os.write(self._stopping, b"!")
             self._closed = True
+        with self._writing:
             for descriptor in (self._slave, self._master, self._stopping, self._stopped):
                 os.close(descriptor)
 
@@ -102,7 +107,7 @@ class PtyServer:
         self._port: PtyPort | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
-        self._unplugged = False
+        self._wanted = False
 
     @property
     def path(self) -> str:
@@ -120,6 +125,7 @@ class PtyServer:
         """Open the pseudo-terminal and begin to answer."""
         if self._port is not None:
             raise RuntimeError("the pty server is already running")
+        self._wanted = True
         self._serve_on(PtyPort())
         return self
 
@@ -134,7 +140,7 @@ class PtyServer:
 
     def stop(self) -> None:
         """Hang up, wait for the thread, and close everything; harmless when not running."""
-        self._unplugged = False
+        self._wanted = False
         self._hang_up()
 
     def _hang_up(self) -> None:
@@ -154,11 +160,9 @@ class PtyServer:
         if self._port is None:
             return
         another = PtyPort()  # while the old one is still open: so it cannot have the old one's path
-        self._unplugged = True
         self._hang_up()
         time.sleep(seconds)
-        if self._unplugged:  # nobody has stopped it for good meanwhile
-            self._unplugged = False
+        if self._wanted:  # nobody has stopped it for good meanwhile
             self._serve_on(another)
         else:
             another.close()
