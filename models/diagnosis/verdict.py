@@ -54,6 +54,7 @@ class Verdict:
     """``kind`` is consistent, named, group or unknown; causes by probability; the tied groups.
 
     ``stated`` are the effects that the verdict stands for: the named ones, or the first of a group.
+    ``unknown_probability`` is that of a leftover which is more than the model's own shortcomings.
     """
 
     kind: str
@@ -136,6 +137,7 @@ def judge(
     faint = leftover < _FAINT
     ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
+    beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
     least = 0.0 if faint else leftover
     large = [c for c in causes if c.term.significance >= least * _above(c.term)]
@@ -156,9 +158,7 @@ def judge(
         groups=(tied,) if tied else (),
         stated={"named": named, "group": group[:1]}.get(kind, ()),
         consistent_probability=nothing,
-        unknown_probability=1.0
-        if misfit > _UNEXPLAINED
-        else sum(h.probability for h in hypotheses if h.leftover is not None),
+        unknown_probability=1.0 if misfit > _UNEXPLAINED else beyond,
     )
 
 

@@ -61,9 +61,11 @@ def test_a_cause_counts_with_and_without_leftover() -> None:
 
 
 def test_a_leftover_beside_a_name_is_said() -> None:
-    verdict = judged(("link_resistance", ALONG, 1.5, 0.96), (None, 0 * ALONG, 5.0, 0.04))
-    assert verdict.kind == "named"
-    assert verdict.unknown_probability == pytest.approx(1.0)
+    fit = joint_fit({"link_resistance": ALONG}, ALONG, value=3.0)  # 30 sigmas from off
+    named = Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0)
+    verdict = judge([named], WHITENER, leftover=15.0)
+    assert (verdict.kind, verdict.unknown_probability) == ("named", 1.0)
+    assert judge([named], WHITENER, leftover=6.0).unknown_probability == 0.0  # the model's own shortcomings
 
 
 def test_tied_causes_make_a_group() -> None:
