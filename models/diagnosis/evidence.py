@@ -142,7 +142,7 @@ def _fitted_line(refinery: Refinery, fit: Fit) -> Fit:
 
 
 def _best_variants(fits: list[Fit]) -> list[Fit]:
-    """One fit an effect: its best variant, which pays for having been chosen among so many."""
+    """One fit an effect, its best variant: :func:`log_prior` shares the prior among them."""
     found: dict[tuple[str, ...], list[Fit]] = {}
     for fit in fits:
         found.setdefault(fit.effects, []).append(fit)

@@ -114,9 +114,10 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
         for name, (together, apart) in _LOCATIONS.items():
             shared = tuple(c for c in together if c in present)
             own = tuple(c for c in apart if c in present)
-            if (shared, own) in seen or not (shared or own):
+            key = (shared, own) if len(shared) > 1 else ((), (*shared, *own))  # one channel follows nobody
+            if key in seen or not (shared or own):
                 continue
-            seen.add((shared, own))
+            seen.add(key)
             scale = at_output if name == "output" and len(shared) > 1 else watt
             columns = [part(shared, scale)] if shared else []
             yield name, np.concatenate([*columns, *(part((c,), watt) for c in own)])

@@ -18,7 +18,7 @@ from models.diagnosis.hypotheses import Fit, Term
 Array = NDArray[np.float64]
 
 SURE = 0.95
-_UNEXPLAINED = 4.0  # chi-squared per reading: noise that is understated by half leaves 2.3
+_UNEXPLAINED = 4.0  # squared sigmas per reading: noise that is understated by half leaves 2.3
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
 _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
     1.25,
@@ -129,7 +129,7 @@ def judge(
     only if its value is further from off than that, well above: what nobody has thought of looks a little like
     something.
 
-    ``misfit`` is the chi-squared per reading that the most probable fit leaves without a leftover; far above one,
+    ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed.
     """
     bare = [h for h in hypotheses if not h.fit.terms]
