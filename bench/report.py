@@ -140,7 +140,7 @@ def tiles(data: ReportData) -> list[tuple[str, str, str]]:
         (
             "Measured points",
             f"{summary.get('points', len(rows))}",
-            f"{counted(len(data.diagnosis.get('rejected_rows') or ()), 'row')} rejected",
+            f"{counted(len({row['row'] for row in data.diagnosis.get('rejected_rows') or ()}), 'row')} rejected",
         )
     ]
     if summary.get("sim_points"):
