@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.leftover import Leftover, Leftovers
+from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
