@@ -17,12 +17,12 @@ class ParameterError(ValueError):
     """A parameter outside what is physically possible; names the field, the value and the range."""
 
 
-def check(
-    owner: object, allowed: str, holds: Callable[[Any], NDArray[np.bool_] | bool], *names: str
-) -> None:
+def check(owner: object, allowed: str, holds: Callable[[Any], NDArray[np.bool_] | bool], *names: str) -> None:
     for name in names:
         given = getattr(owner, name)
-        if isinstance(given, float) and math.isfinite(given) and holds(given):  # most are: no array is made for them
+        if (
+            isinstance(given, float) and math.isfinite(given) and holds(given)
+        ):  # most are: no array is made for them
             continue
         value = np.asarray(given, dtype=float)
         if not (np.all(np.isfinite(value)) and np.all(holds(value))):

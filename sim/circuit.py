@@ -117,7 +117,9 @@ class SwingCurves:
         """Those of a converter at so many points; they depend on nothing that moves in operation."""
         primary, secondary = primary_scheme(converter), secondary_scheme(converter)
         junctions = {k: d.capacitance for s in (primary, secondary) for k, d in s.devices.items()}
-        zero_bias = np.stack(np.broadcast_arrays(*(j.zero_bias_F for j in junctions.values()), np.empty(1))[:-1])
+        zero_bias = np.stack(
+            np.broadcast_arrays(*(j.zero_bias_F for j in junctions.values()), np.empty(1))[:-1]
+        )
         sets, which = np.unique(zero_bias, axis=1, return_inverse=True)
         edges = (
             (primary, primary.first, converter.V1_V), (primary, primary.second, converter.V1_V),
@@ -129,7 +131,9 @@ class SwingCurves:
             known: dict[tuple[tuple[Transition, ...], float], Array] = {}
             for scheme, transitions, link_V in edges:
                 if (transitions, link_V) not in known:
-                    steps = [([own[k] for k in t.charging], [own[k] for k in t.discharging]) for t in transitions]
+                    steps = [
+                        ([own[k] for k in t.charging], [own[k] for k in t.discharging]) for t in transitions
+                    ]
                     known[transitions, link_V] = leg_curve(steps, scheme.step * link_V)
             tables.append([known[transitions, link_V] for _, transitions, link_V in edges])
         return cls(

@@ -59,9 +59,7 @@ def covariance(observations: Observations, sigma: Array, known: Signatures) -> C
     place = locations(observations)
     smooth, accuracy = kernel(place, place), accuracy_scale(observations, known.baseline)
     noise2 = sigma**2 + known.input_sigma**2
-    of_channels = tuple(
-        np.flatnonzero(observations.channel == k) for k in range(len(observations.channels))
-    )
+    of_channels = tuple(np.flatnonzero(observations.channel == k) for k in range(len(observations.channels)))
     own = []
     for readings in of_channels:
         row, scale = observations.row[readings], accuracy[readings]

@@ -22,7 +22,7 @@ _LEAST = 12  # readings below which blocks mean nothing
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readings:
-    """What a gain is judged on: residuals (M,), their covariance, and the directions (q, M) of a leftover everywhere."""
+    """What a gain is judged on: residuals (M,), their covariance, and directions (q, M) of a leftover everywhere."""
 
     observations: Observations
     residual: Array
