@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from sim.bridges import part_names
 from sim.checks import HOTTEST_C
-from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, carries, operate
+from sim.fixed_point import carries, operate
 from sim.model import Model
 from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick, stack
+from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart
 
 __all__ = ["PARTS", "Points", "Result", "can_run", "grid", "grid_of", "simulate", "simulate_many"]
 
@@ -217,7 +218,7 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solutio
             values[name][rows[there]] = value
         _refuse(rows[there], _impossible(outcome.state, columns), reason, values)
         if seed is None:
-            spare = np.flatnonzero(outcome.state.comfortable(_SPARE))
+            spare = np.flatnonzero(outcome.comfortable(_SPARE))
             left = _Seed(size=size, rows=rows[there[spare]], start=outcome.state.start().take(spare))
     for name in ("P1_W", "I1_A", "P2_W", "loss_added_W"):
         values[name][standby] = 0.0

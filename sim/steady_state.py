@@ -347,6 +347,12 @@ def orbit_at(circuit: Circuit, edges: Array, state: Array, accuracy: Accuracy = 
     return _Sweep.of(circuit, edges, state).orbit(state, accuracy)
 
 
+def half_period(circuit: Circuit, edges: Array, state: Array) -> tuple[Orbit, Array]:
+    """The half period from a state (6, N), and by how much it does not close: current in A, delays in Th, (5, N)."""
+    sweep = _Sweep.of(circuit, edges, state)
+    return sweep.orbit(state, FINE), np.concatenate([sweep.gap_A[None], sweep.late])
+
+
 def periodic(circuit: Circuit, edges: Array, start_A: Array, delay: Array) -> Orbit:
     """The orbit for given edges (4, N) in units of Th, from a first guess of start current and delays."""
     guess = np.concatenate([start_A[None], delay, np.zeros((1, start_A.size))])
