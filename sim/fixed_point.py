@@ -7,16 +7,13 @@ from numpy.typing import NDArray
 
 from sim.operating_points import Points
 from sim.parameters import Converter
-from sim.station import OperatingState, Slow, Station, WarmStart, station_of
+from sim.station import KELVIN, LEAST_W, POWER, OperatingState, Slow, Station, WarmStart, station_of
 from sim.steady_state import COARSE, FINE
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 32
 _CAREFUL = 8  # every so many rounds orbits are closed before their losses are asked
-_POWER = 2e-7  # of the output power, relative with 10 W as the least scale: inside the promised 1e-6
-_KELVIN = 1e-4  # moves a loss of 10 W by 4 uW
-_LEAST_W = 10.0
 _MODERATE_K = 20.0  # above ambient
 
 
@@ -81,8 +78,8 @@ def _near(part: Station, ahead: Slow) -> NDArray[np.bool_]:
     now, then = part.slow.temperatures.by_place(), ahead.temperatures.by_place()
     furthest_K = np.max([np.abs(now[place] - then[place]) for place in now], axis=0)
     missed = np.abs(part.slow.target_W - ahead.target_W)
-    scale_W = np.maximum(np.abs(np.asarray(part.points.power_W)), _LEAST_W)
-    return np.asarray((furthest_K < _KELVIN) & (missed < _POWER * scale_W))
+    scale_W = np.maximum(np.abs(np.asarray(part.points.power_W)), LEAST_W)
+    return np.asarray((furthest_K < KELVIN) & (missed < POWER * scale_W))
 
 
 class _Secant:

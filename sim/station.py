@@ -24,6 +24,9 @@ from sim.waveform import Circuit
 Array = NDArray[np.float64]
 
 AT_INPUT, AT_OUTPUT = part_names(prototype())
+POWER = 2e-7  # of the output power, relative with 10 W as the least scale: inside the promised 1e-6
+KELVIN = 1e-4  # moves a loss of 10 W by 4 uW
+LEAST_W = 10.0
 IN_LINK = ("inductor_copper", "inductor_core", "transformer_copper", "transformer_core", "link_resistance")
 
 
@@ -66,15 +69,6 @@ class OperatingState:
     regulated: Regulated
     current: LinkCurrent
     balance: Balance
-
-    def start(self) -> WarmStart:
-        """What a variant may start from."""
-        return WarmStart(
-            temperatures=self.temperatures,
-            secondary_switching_W=self.balance.losses["secondary_switching"],
-            I1_A=self.balance.I1_A,
-            regulated=self.regulated,
-        )
 
 
 def _input_current(power_W: Array, V1_V: Array, resistance_Ohm: Array | float) -> Array:
@@ -138,7 +132,7 @@ class Station:
 
     def take(self, chosen: NDArray[np.intp]) -> "Station":
         """Some of the points."""
-        if chosen.size == len(self.points):  # all of them, in their order
+        if chosen.size == len(self.points) and np.array_equal(chosen, np.arange(chosen.size)):
             return self
         return Station(
             converter=pick(self.converter, chosen),
@@ -182,6 +176,32 @@ class Station:
         power_W, asked, now = orbit.output_power_W(), self.ahead(state).by_name(), self.slow.by_name()
         slow = [asked[name] - now[name] for name in now]
         return state, np.concatenate([open_, (power_W - self.slow.target_W)[None], slow])
+
+    def ready(self, state: OperatingState) -> "Station":
+        """This station at a state that was found, for variants to start from."""
+        return replace(self, warm=state.regulated, slow=self.ahead(state))
+
+    def start(self) -> WarmStart:
+        """What a variant may start from."""
+        return WarmStart(
+            temperatures=self.slow.temperatures,
+            secondary_switching_W=self.slow.target_W - _delivered_W(self.converter, self.points),
+            I1_A=self.slow.I1_A,
+            regulated=self.known,
+        )
+
+    def settled(self, state: OperatingState, missed: Array) -> NDArray[np.bool_]:
+        """Whether what :meth:`missed` found is a steady state, (N,)."""
+        temperatures = len(self.slow.temperatures.by_place())
+        scale_W = np.maximum(np.abs(np.asarray(self.points.power_W)), LEAST_W)
+        power = np.max(np.abs(missed[[5, 6 + temperatures]]), axis=0) < POWER * scale_W
+        warm = np.max(np.abs(missed[6 : 6 + temperatures]), axis=0) < KELVIN
+        return np.asarray(state.regulated.orbit.closed & power & warm)
+
+    def on_branch(self) -> NDArray[np.bool_]:
+        """Whether the phase lies on the rising branch, (N,)."""
+        way = np.where(self.slow.target_W < 0, -1.0, 1.0)
+        return np.asarray(way * self.known.phase <= self.known.limit)
 
     def spare(self, state: OperatingState) -> Array:
         """About what power (relative) the points could add, (N,)."""
