@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
+from models.diagnosis.whitener import Covariance, Whitener
 
 Array = NDArray[np.float64]
 
@@ -22,11 +22,11 @@ _LEAST = 12  # readings below which blocks mean nothing
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readings:
-    """What a gain is judged on: residuals (M,), their covariance and that of a leftover everywhere, (M, M)."""
+    """What a gain is judged on: residuals (M,), their covariance, and directions (q, M) of a leftover everywhere."""
 
     observations: Observations
     residual: Array
-    covariance: Array
+    covariance: Covariance
     leftover: Array
 
 
@@ -70,12 +70,11 @@ def _refitted(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bo
     return np.asarray(fit.shift + step @ slopes)
 
 
-def _leftover_on(leftover: Array, covariance: Array, residual: Array, rows: NDArray[np.bool_]) -> Array:
-    """A leftover of this covariance fitted on some readings, at all readings."""
-    inside = np.ix_(rows, rows)
-    return np.asarray(
-        leftover[:, rows] @ Whitener.of(covariance[inside] + leftover[inside]).solve(residual[rows])
-    )
+def _leftover_on(readings: Readings, rows: NDArray[np.bool_]) -> Array:
+    """A leftover in these directions fitted on some readings, at all readings."""
+    leftover = readings.leftover
+    whitener = Whitener.of(readings.covariance.take(np.flatnonzero(rows)).beside(leftover[:, rows]))
+    return np.asarray(leftover.T @ (leftover[:, rows] @ whitener.solve(readings.residual[rows])))
 
 
 def held_out_gain(readings: Readings, cause: Fit, rival: Fit | None, seed: int) -> Gain | None:
@@ -94,15 +93,17 @@ def held_out_gain(readings: Readings, cause: Fit, rival: Fit | None, seed: int) 
     }
     for k in range(_BANDS):
         rows, out = band != k, (band == k) & judged
-        whitener = Whitener.of(covariance[np.ix_(rows, rows)])
+        whitener = Whitener.of(covariance.take(np.flatnonzero(rows)))
         error["before"][out] = residual[out]
         left = residual - _refitted(cause, residual, whitener, rows)
         error["after"][out] = left[out]
         # noise is on the diagonal: between bands, the covariance is that of spreads and smooth inaccuracy
-        error["calibrated"][out] = left[out] - covariance[np.ix_(out, rows)] @ whitener.solve(left[rows])
+        pulled = np.zeros_like(residual)
+        pulled[rows] = whitener.solve(left[rows])
+        error["calibrated"][out] = left[out] - covariance.times(pulled)[out]
         if rival is not None:
             error["wrong"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
-        error["leftover"][out] = (residual - _leftover_on(readings.leftover, covariance, residual, rows))[out]
+        error["leftover"][out] = (residual - _leftover_on(readings, rows))[out]
     # d(efficiency) = - efficiency * d(input power) / input power
     scale = power[judged] / observations.value[judged] ** 2
     size = {name: np.abs(e[judged]) * scale for name, e in error.items()}

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.covariance import kernel
 from models.diagnosis.gain import Gain, Readings, held_out_gain
+from models.diagnosis.leftover import smooth_maps
 from models.diagnosis.observations import Observations
+from models.diagnosis.whitener import Covariance
 from tests.models.diagnosis.fabricated import fit_of, loads
 
 POWER = np.random.default_rng(1).permutation(np.linspace(200.0, 2000.0, 60))
@@ -32,8 +33,8 @@ def gain_of(residual: np.ndarray, spread: np.ndarray | None = None) -> Gain:
     readings = Readings(
         observations=campaign(residual),
         residual=residual,
-        covariance=plain,
-        leftover=25.0 * kernel(place, place),
+        covariance=Covariance.whole(plain),
+        leftover=5.0 * smooth_maps(place),
     )
     gain = held_out_gain(readings, cause, rival, seed=0)
     assert gain is not None
@@ -84,6 +85,9 @@ def test_too_few_readings_have_no_blocks() -> None:
     observations = loads(POWER[:8])
     fit = fit_of("link_resistance", GROWING[:8])
     readings = Readings(
-        observations=observations, residual=np.zeros(8), covariance=np.eye(8), leftover=np.eye(8)
+        observations=observations,
+        residual=np.zeros(8),
+        covariance=Covariance.whole(np.eye(8)),
+        leftover=np.eye(8),
     )
     assert held_out_gain(readings, fit, None, seed=0) is None
