@@ -55,7 +55,7 @@ def set_up(
         before, sigma = sigma, corrected(observations, noise, first, left * sigma / first)
         if np.all(np.abs(np.log(sigma / before)) < _SETTLED):
             break
-    near = known.start(observations)
+    near = known.start(observations, baseline)
     setting = _setting(observations, baseline, known, sigma, rivals)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
