@@ -15,7 +15,7 @@ from sim.modulation import centre_offset, hybrid_edges
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.prototype import prototype
-from sim.regulation import Regulated, follow, regulate, spare_power
+from sim.regulation import Regulated, carries, follow, regulate, spare_power
 from sim.stacking import pick
 from sim.steady_state import Accuracy, half_period
 from sim.thermal import temperatures
@@ -154,6 +154,10 @@ class Station:
         circuit = self._circuit()
         regulated = regulate(circuit, self.edges, self.slow.target_W, warm=self.warm, accuracy=accuracy)
         return self._account(regulated)
+
+    def carries(self) -> NDArray[np.bool_]:
+        """Whether the points can run at the present temperatures, roughly."""
+        return carries(self._circuit(), self.edges, self.slow.target_W)
 
     def follow(self) -> tuple[OperatingState, Regulated]:
         """One step towards the solution: what there is now, and where to go on."""
