@@ -13,18 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import (
-    COARSE,
-    FINE,
-    SHIFT,
-    Accuracy,
-    Demand,
-    Orbit,
-    half_period,
-    periodic,
-    settle,
-    step_once,
-)
+from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, half_period, periodic, settle, step_once
 from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
@@ -124,42 +113,24 @@ def regulate(
     way = np.where(target_W < 0, -1.0, 1.0)
     limit = np.full(way.size, 0.5) if warm is None else warm.limit.copy()
     most_W = np.full(way.size, np.nan) if warm is None else warm.most_W.copy()
-    state, orbit, met = _by_newton(circuit, edges, _demand(circuit, edges, target_W, limit), warm, accuracy)
+    demand = _demand(circuit, edges, target_W, limit)
+    state, doubtful = _start(circuit, edges, target_W, warm)
+    asked = np.flatnonzero(~doubtful)
+    if asked.size == way.size:
+        state, orbit, met = settle(circuit, edges, state, demand, accuracy=accuracy)
+    else:
+        met = np.zeros(way.size, dtype=bool)
+        state[:, asked], _, met[asked] = settle(
+            circuit.take(asked), edges[:, asked], state[:, asked], demand.take(asked), accuracy=accuracy
+        )
     again = np.flatnonzero(~met)
     if again.size:
         search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again])
         found = search.solve(way[again] * target_W[again], accuracy.power)
         state[:, again], met[again], limit[again], most_W[again] = found
-    if again.size or orbit is None:
+    if again.size or asked.size < way.size:
         orbit, _ = half_period(circuit, edges, state, accuracy)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
-
-
-def carries(circuit: Circuit, edges: Array, target_W: Array) -> NDArray[np.bool_]:
-    """Whether a power is within reach, (N,), roughly: :func:`regulate` without the way to a phase known to be there."""
-    way = np.where(target_W < 0, -1.0, 1.0)
-    demand = _demand(circuit, edges, target_W, np.full(way.size, 0.5))
-    state, _, met = _by_newton(circuit, edges, demand, None, COARSE)
-    again = np.flatnonzero(~met)
-    if again.size:
-        search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again])
-        met[again] = search.within_reach(way[again] * target_W[again], COARSE.power)
-    return met
-
-
-def _by_newton(
-    circuit: Circuit, edges: Array, demand: Demand, warm: Regulated | None, accuracy: Accuracy
-) -> tuple[Array, Orbit | None, NDArray[np.bool_]]:
-    """States (6, N), the orbits if all points were asked, and where Newton's rule has met the demand."""
-    state, doubtful = _start(circuit, edges, demand.power_W, warm)
-    asked = np.flatnonzero(~doubtful)
-    if asked.size == doubtful.size:
-        return settle(circuit, edges, state, demand, accuracy=accuracy)
-    met = np.zeros(doubtful.size, dtype=bool)
-    state[:, asked], _, met[asked] = settle(
-        circuit.take(asked), edges[:, asked], state[:, asked], demand.take(asked), accuracy=accuracy
-    )
-    return state, None, met
 
 
 def _start(
@@ -246,10 +217,6 @@ class _Bracketed:
         start_A = self.excess_A + lossless_start_A(self.circuit, at + self.delay)
         state = np.concatenate([start_A[None], self.delay, (self.way * search.phase)[None]])
         return state, search.reached, limit, most_W
-
-    def within_reach(self, goal_W: Array, tolerance: float) -> NDArray[np.bool_]:
-        """Whether so much can flow."""
-        return np.asarray(self._branch(goal_W)[1] >= goal_W * (1.0 - tolerance))
 
     def _branch(self, goal_W: Array) -> tuple[Array, Array]:
         """Highest phase of the rising branch, and the power there."""
