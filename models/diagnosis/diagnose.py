@@ -320,9 +320,7 @@ def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:
     Each reading counts up to three sigmas: a threshold that is a little elsewhere leaves a few rows far off.
     """
     best = next(h.fit for h in hypotheses if h.leftover is None)
-    refinery = setting.refinery
-    left = (refinery.residual - best.shift)[None]
-    sigmas = setting.sigma * refinery.geometry.solve(left, best.own(refinery.known))[0]
+    sigmas = setting.sigma * setting.refinery.solved(best)
     return float(np.mean(np.minimum(sigmas**2, _CLIPPED**2)))
 
 

@@ -5,7 +5,7 @@ stands still. In the end every hypothesis is weighed again beside every leftover
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -23,6 +23,7 @@ P_CONSISTENT, P_LEFTOVER = 0.5, 0.2
 P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 _FURTHER = 3.0  # in log evidence, for each further cause: what the first one's law misses looks a little like another
 _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
+_SCREENED = 12  # combinations on tangents that are looked at closer
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
@@ -64,7 +65,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
     found: list[tuple[Fit, Leftover | None, float]] = []
     for fit in fits:
-        seen, own = geometry.project(fit.vectors(refinery.residual)), fit.own(refinery.known)
+        seen, own = refinery.seen(fit), fit.own(refinery.known)
         prior = log_prior(fit, catalogue)
         for leftover, share in shares:
             w = weigh(fit, seen, geometry, own, leftover)
@@ -129,8 +130,7 @@ def _alone(refinery: Refinery) -> list[Fit]:
 
 def _screened(refinery: Refinery, nothing: Fit, signature: Signature) -> Fit:
     """One effect at the best value of its line, about nothing's simulated state."""
-    term = Term(signature=signature, value=signature.entry.headline.off, sigma=np.inf, slope=signature.slope)
-    return _fitted_line(refinery, replace(nothing, terms=(term,)))
+    return _fitted_line(refinery, replace(nothing, terms=(_term(signature),)))
 
 
 def _fitted_line(refinery: Refinery, fit: Fit) -> Fit:
@@ -190,15 +190,14 @@ def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], 
     def log_probability(fit: Fit) -> float:
         return fit.log_evidence + log_prior(fit, catalogue)
 
-    singles = {f.terms[0].effect: f.terms[0] for f in fits if len(f.terms) == 1}
+    learned = [f.terms[0] for f in fits if len(f.terms) == 1]
+    terms = [*learned, *(_term(s) for s in refinery.known.effects)]
     leading = max(map(log_probability, fits))
     candidates = (
-        [] if len(base[0].terms) > 1 else _pairs_on_tangents(refinery, nothing, list(singles.values()))
+        [] if len(base[0].terms) > 1 else _on_tangents(refinery, nothing, list(combinations(terms, 2)))
     )
     for fit in _sorted(base)[:_TO_EXTEND]:
-        for name, term in singles.items():
-            if name not in fit.effects:
-                candidates.append(_fitted_line(refinery, _with(fit, term)))
+        candidates += _on_tangents(refinery, fit, [(t,) for t in terms])
     candidates = _best(replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates)
     chosen = [f for f in candidates if log_probability(f) > leading - _IN_REACH][:most]
     if not chosen:
@@ -207,26 +206,29 @@ def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], 
     return _best(refinery.followed(refinery.simulated(chosen), leader))
 
 
-def _with(fit: Fit, term: Term) -> Fit:
-    """The fit with one more term, still at its off value."""
-    return replace(fit, terms=(*fit.terms, replace(term, value=term.head.off)))
+def _term(signature: Signature) -> Term:
+    """An effect at its off value, with its slope there."""
+    return Term(signature=signature, value=signature.entry.headline.off, sigma=np.inf, slope=signature.slope)
 
 
-def _pairs_on_tangents(refinery: Refinery, nothing: Fit, terms: list[Term]) -> list[Fit]:
-    """The best pairs of effects on straight lines from nothing's simulated state."""
-    seen = refinery.geometry.project(np.stack([*(t.slope for t in terms), refinery.residual - nothing.shift]))
+def _on_tangents(refinery: Refinery, base: Fit, more: Sequence[tuple[Term, ...]]) -> list[Fit]:
+    """The best fits with some terms more than a simulated one, on straight lines from its state."""
+    terms = {id(t): t for chosen in more for t in chosen}
+    place = {key: k for k, key in enumerate(terms, start=len(base.terms))}
+    left = base.vectors(refinery.residual)
+    vectors = np.concatenate([left[:-1], [t.slope for t in terms.values()], left[-1:]])
+    seen = refinery.geometry.project(vectors, refinery.law(base))
+    ends = list(range(len(vectors) - 1, len(seen.each_other)))  # what is left, then the laws' columns
     found = []
-    for i, j in combinations(range(len(terms)), 2):
-        chosen = [i, j, len(terms)]
-        part = replace(
-            seen,
-            each_other=seen.each_other[np.ix_(chosen, chosen)],
-            on_spreads=seen.on_spreads[:, chosen],
-            on_basis=seen.on_basis[:, chosen],
-        )
-        pair = tuple(replace(terms[k], value=terms[k].head.off) for k in (i, j))
-        fit = replace(nothing, terms=pair)
+    for chosen in more:
+        if not {t.effect for t in chosen}.isdisjoint(base.effects) or len({t.effect for t in chosen}) < len(
+            chosen
+        ):
+            continue
+        part = seen.of([*range(len(base.terms)), *(place[id(t)] for t in chosen), *ends])
+        off = (replace(t, value=t.head.off) for t in chosen)
+        fit = replace(base, terms=(*base.terms, *off))
         weighed = weigh(fit, part, refinery.geometry, fit.own(refinery.known))
         found.append((weighed.promised, fit))
     found.sort(key=lambda entry: -entry[0])
-    return [_fitted_line(refinery, fit) for _, fit in found[:_PAIRS]]
+    return [_fitted_line(refinery, fit) for _, fit in found[:_SCREENED]]

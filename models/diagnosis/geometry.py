@@ -8,7 +8,8 @@ directions: it takes the everyday spread of the parameters that it explains out 
 so that Woodbury's identity gives :math:`A^T C'^{-1} A` and :math:`\ln\det C'` from inner products under C alone.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -31,6 +32,33 @@ class Projection:
     each_other: Array
     on_spreads: Array
     on_basis: Array
+
+    def of(self, chosen: Sequence[int]) -> Self:
+        """Some of the vectors."""
+        return replace(
+            self,
+            each_other=self.each_other[np.ix_(chosen, chosen)],
+            on_spreads=self.on_spreads[:, chosen],
+            on_basis=self.on_basis[:, chosen],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Directions:
+    """Vectors (k, M) that are used again and again, with C^-1 of them and how they are seen."""
+
+    vectors: Array
+    solved: Array
+    seen: Projection
+
+    def scaled(self, factor: float) -> Self:
+        """All of them, this many times as long."""
+        seen = Projection(
+            each_other=factor**2 * self.seen.each_other,
+            on_spreads=factor * self.seen.on_spreads,
+            on_basis=factor * self.seen.on_basis,
+        )
+        return replace(self, vectors=factor * self.vectors, solved=factor * self.solved, seen=seen)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,13 +97,39 @@ class Geometry:
             admitted={c.key: _admitted(c, inner, size) for c in leftovers.configurations},
         )
 
-    def project(self, vectors: Array) -> Projection:
-        """Products of vectors (k, M)."""
-        return Projection(
+    def project(self, vectors: Array, beside: Sequence[Directions] = ()) -> Projection:
+        """Products of vectors (k, M), followed by the directions ``beside`` them."""
+        own = Projection(
             each_other=vectors @ self.whitener.solve(vectors.T),
             on_spreads=self.spreads_solved @ vectors.T,
             on_basis=self.basis_solved @ vectors.T,
         )
+        if not beside:
+            return own
+        seen = [own, *(d.seen for d in beside)]
+        heads = [vectors, *(d.vectors for d in beside)]
+        blocks = [
+            [p.each_other if i == j else np.empty(0) for j in range(len(seen))] for i, p in enumerate(seen)
+        ]
+        for j, d in enumerate(beside, start=1):
+            for i in range(j):
+                blocks[i][j] = heads[i] @ d.solved.T
+                blocks[j][i] = blocks[i][j].T
+        return Projection(
+            each_other=np.block(blocks),
+            on_spreads=np.concatenate([p.on_spreads for p in seen], axis=1),
+            on_basis=np.concatenate([p.on_basis for p in seen], axis=1),
+        )
+
+    def directions(self, vectors: Array) -> Directions:
+        """Vectors (k, M) with all that does not change from one use to the next."""
+        solved = self.whitener.solve(vectors.T).T
+        seen = Projection(
+            each_other=vectors @ solved.T,
+            on_spreads=self.spreads_solved @ vectors.T,
+            on_basis=self.basis_solved @ vectors.T,
+        )
+        return Directions(vectors=vectors, solved=solved, seen=seen)
 
     def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
         """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""

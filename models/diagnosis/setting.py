@@ -3,17 +3,20 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import Whitener, covariance
 from models.diagnosis.evidence import on_tangents, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
-from models.diagnosis.leftover import Leftovers, leftovers
+from models.diagnosis.law import Laws
+from models.diagnosis.leftover import leftovers
 from models.diagnosis.noise import ChannelNoise, corrected, sigma_of
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
+from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
@@ -21,6 +24,7 @@ _LOOKS = 6  # a reading far off pulls the explanation towards it: it takes a few
 _SETTLED = 0.1  # relative change of a standard deviation
 _LEADING = 4  # effects that are weighed beside leftovers for it
 _PROBES = 24  # random signs that estimate a trace to three per cent
+_ROUGH = 0.02  # of what the best explanation moves a reading by: no law is good to less, from one reading to the next
 _SEED = 0  # of the probes
 
 
@@ -50,41 +54,61 @@ def set_up(
     """The setting with the noise of replicates, corrected by what the best tangent leaves."""
     rivals = leftovers(observations, known.per_watt)
     first = before = sigma = left = sigma_of(observations, noise)
+    doubt = np.zeros_like(sigma)
+
+    def setting() -> Setting:
+        matrix = covariance(observations, np.hypot(sigma, doubt), known)
+        geometry = Geometry.of(Whitener.of(matrix), known.spreads, rivals)
+        refinery = Refinery(known=known, observations=observations, baseline=baseline, geometry=geometry)
+        return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=matrix, refinery=refinery)
+
     for _ in range(_LOOKS):
-        left = _left_out(_setting(observations, baseline, known, sigma, rivals))
+        left, explained = _look(setting())
         before, sigma = sigma, corrected(observations, noise, first, left * sigma / first)
-        if np.all(np.abs(np.log(sigma / before)) < _SETTLED):
+        changed, doubt = np.hypot(before, doubt), _ROUGH * np.abs(explained)
+        if np.all(np.abs(np.log(np.hypot(sigma, doubt) / changed)) < _SETTLED):
             break
+    found = setting()
     near = observations.reference(baseline)
-    setting = _setting(observations, baseline, known, sigma, rivals)
+    laws = Laws.of(known.effects, observations, _state(observations, near), found.refinery.geometry)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
-        setting,
+        found,
         far_off=np.abs(left) * before / usual[observations.channel],
-        refinery=replace(setting.refinery, near=near),
+        refinery=replace(found.refinery, near=near, laws=laws),
     )
 
 
-def _setting(
-    observations: Observations, baseline: Model, known: Signatures, sigma: Array, rivals: Leftovers
-) -> Setting:
-    matrix = covariance(observations, sigma, known)
-    geometry = Geometry.of(Whitener.of(matrix), known.spreads, rivals)
-    refinery = Refinery(known=known, observations=observations, baseline=baseline, geometry=geometry)
-    return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=matrix, refinery=refinery)
+def _state(observations: Observations, near: Result) -> dict[str, Array]:
+    """What a threshold may be of, (N,) by row of the frame: measured where it was, else as the baseline has it."""
+    used, state = np.unique(observations.row), {}
+    for name in ("T_heatsink_C", "I1_A"):
+        known = np.full(len(observations.frame), np.nan)
+        known[used] = near[name]
+        if name in observations.frame:
+            known = observations.frame[name].astype(float).fillna(pd.Series(known)).to_numpy()
+        state[name] = known
+    return state
 
 
-def _left_out(setting: Setting) -> Array:
-    """What the best explanation on tangents leaves of every reading, in sigmas, as if it had not been fitted, (M,)."""
-    refinery = setting.refinery
+def _look(setting: Setting) -> tuple[Array, Array]:
+    """What the best explanation on tangents leaves of every reading, in sigmas as if it had not been fitted, (M,).
+
+    And that explanation itself, (M,): the cause with the leftover beside it.
+    """
+    refinery, geometry = setting.refinery, setting.refinery.geometry
     nothing, *tangents = on_tangents(refinery)
     leading = sorted(tangents, key=lambda fit: -fit.log_evidence)[:_LEADING]
     best = weighed_with_leftovers(refinery, [nothing, *leading])[0]
     own = best.fit.own(refinery.known)
     signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, setting.sigma.size))
     vectors = np.concatenate([(refinery.residual - best.fit.shift)[None], signs * setting.sigma])
-    solved = setting.sigma * refinery.geometry.solve(vectors, own, best.leftover)
+    pulled = geometry.solve(vectors, own, best.leftover)
+    explained = best.fit.shift
+    if best.leftover is not None:
+        explained = explained + geometry.leftovers.of(best.leftover, pulled[0])
+    solved = setting.sigma * pulled
     free = np.mean(signs * solved[1:], axis=0)  # of each reading: the share that was not absorbed, roughly
     channel = refinery.observations.channel
     share = np.array([np.mean(free[channel == k]) for k in range(int(channel.max()) + 1)])[channel]
-    return np.asarray(solved[0] / np.sqrt(np.maximum(share, 0.05)))
+    return solved[0] / np.sqrt(np.maximum(share, 0.05)), explained

@@ -139,8 +139,7 @@ def judge(
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
-    least = 0.0 if faint else leftover
-    large = [c for c in causes if c.term.significance >= least * _above(c.term)]
+    large = [c for c in causes if c.term.significance >= leftover * _above(c.term)]
     named = tuple(c.effect for c in large if c.probability >= SURE)
     rest = [c for c in large if c.effect not in named]
     # while nothing can be wrong at all, everything would be in a group

@@ -82,6 +82,11 @@ class Effect:
         p = self.headline if name is None else next(p for p in self.parameters if p.name == name)
         return values.get(p.name, p.off)
 
+    def near(self, threshold: str, state: Array, values: Values) -> NDArray[np.bool_]:
+        """Where a state (N,) is within the tolerance of the threshold of that name."""
+        p = next(p for p in self.parameters if p.name == threshold)
+        return np.asarray(np.abs(state - self.value(values, threshold)) <= p.tolerance)
+
     def converter(self, converter: Converter, values: Values) -> Converter:
         """The converter's parameters as they really are."""
         return converter
@@ -93,6 +98,10 @@ class Effect:
     def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
         """A loss at the input that the circuit does not have, in W, (N,) or a float."""
         return 0.0
+
+    def undecided(self, points: Points, state: Mapping[str, Array], values: Values) -> NDArray[np.bool_]:
+        """Points (N,) so near a threshold that they may lie on either side of it; none of an effect without one."""
+        return np.zeros(len(points), dtype=bool)
 
     def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
         """What the instruments show of the truth."""
