@@ -1,13 +1,14 @@
 r"""What a cause's own law gets wrong in shape: a smooth error in proportion to what the cause does.
 
-A cause of value :math:`\theta` moves the readings by s as the simulator has it, and by :math:`s\,(1 + g)` in truth: its
-formula has another exponent, another dependence on temperature or time. g is a Gaussian process, smooth over
-(D1, D2, power) and over time, the same for all that follows from one watt, and with a factor of its own for each channel:
+A cause of value :math:`\theta` moves the readings by s as the simulator has it, and by :math:`s\,(1 + g)` in truth:
+its formula has another exponent, another dependence on temperature or time. g is a Gaussian process, smooth over
+(D1, D2, power) and over time, the same for all that follows from one watt, with a factor of its own for each channel:
 
 .. math:: C' = C + \rho^2 \theta^2 \operatorname{diag}(s_1)\, K \operatorname{diag}(s_1),
 
-:math:`s_1` being the slope. Written as :math:`L L^T` with few columns, it widens the covariance of every hypothesis that
-holds the cause: what a large one leaves then calls for no second one, and its value's interval says what the law is worth.
+:math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
+columns, it widens the covariance of every hypothesis that holds the cause: what a large one leaves then calls for no
+second one, and its value's interval says what the law is worth. A reading near a threshold may lie on either side of it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +26,6 @@ from models.diagnosis.signatures import Signature
 
 Array = NDArray[np.float64]
 
-SHARE = 0.05  # of a cause's shift, one sigma: formulas for losses agree to five to ten per cent over a map
 _WIDER = 2.0  # than the correlation lengths of a map: exponents bend over the whole of it
 _OF_TIME = 0.5  # of the campaign
 
@@ -81,7 +81,7 @@ class Laws:
         maps = law_maps(observations)
         known = {}
         for s in signatures:
-            columns = SHARE * maps * s.slope
+            columns = s.entry.law * maps * s.slope
             if s.entry.threshold:
                 variants = [v for v in signatures if v.effect == s.effect]
                 columns = np.concatenate([columns, _undecided(s, variants, observations, state)])

@@ -31,7 +31,10 @@ _TEMPERATURES = ("T_heatsink_C", "T_transformer_C", "T_inductor_C")
 _LOCATIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "input": (("efficiency",), ("T_heatsink_C",)),
     "ac link": (("efficiency", "P_link1_W"), ("T_transformer_C", "T_inductor_C")),
-    "ac link, in series": (("efficiency", "P_link1_W"), ("D0", "I_L_rms_A", "T_transformer_C", "T_inductor_C")),
+    "ac link, in series": (
+        ("efficiency", "P_link1_W"),
+        ("D0", "I_L_rms_A", "T_transformer_C", "T_inductor_C"),
+    ),
     "output": ((*_POWERS, "D0", "I_L_rms_A"), ("T_heatsink_C",)),
     "timing": ((), ("D0", "I_L_rms_A")),
     "everywhere": ((), (*_POWERS, "D0", "I_L_rms_A", *_TEMPERATURES)),
@@ -114,11 +117,16 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
         found.append((name, np.concatenate(parts), AMPLITUDES_W))
         found.append((f"{name}, straight", np.concatenate([p[: len(straight)] for p in parts]), _STRAIGHT_W))
     if np.ptp(time_s) > 0.0 and "efficiency" in present:
-        slow, quick = time_s / (np.ptp(time_s) * _LENGTH_OF_TIME), time_s / (np.median(np.diff(time_s)) * _NEIGHBOURS)
+        slow, quick = (
+            time_s / (np.ptp(time_s) * _LENGTH_OF_TIME),
+            time_s / (np.median(np.diff(time_s)) * _NEIGHBOURS),
+        )
         later = [_TREND * _levels(observations, used), trends(slow[:, None]), smooth_maps(slow[:, None])]
         found.append((IN_TIME, basis.add("efficiency", watt, np.concatenate(later)[:, place]), AMPLITUDES_W))
         gain = power_W[row] / np.sqrt(np.mean(power_W[row] ** 2))
-        found.append((GAIN_IN_TIME, basis.add("efficiency", gain, smooth_maps(quick[:, None])[:, place]), AMPLITUDES_W))
+        found.append(
+            (GAIN_IN_TIME, basis.add("efficiency", gain, smooth_maps(quick[:, None])[:, place]), AMPLITUDES_W)
+        )
     return basis.leftovers(found)
 
 

@@ -40,7 +40,10 @@ class EffectParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench."""
+    """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench.
+
+    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does.
+    """
 
     name: str
     stage: str
@@ -48,6 +51,7 @@ class Effect:
     says: str
     check_on_bench: str
     threshold: bool = False
+    law: float = 0.02
 
     @property
     def headline(self) -> EffectParameter:
@@ -81,6 +85,10 @@ class Effect:
         """A parameter's value (the headline's by default), its OFF value where not given."""
         p = self.headline if name is None else next(p for p in self.parameters if p.name == name)
         return values.get(p.name, p.off)
+
+    def spread_at(self, value: float) -> float:
+        """How far the everyday spread of a part moves the headline that is read from it, one sigma."""
+        return self.headline.tolerance
 
     def near(self, threshold: str, state: Array, values: Values) -> NDArray[np.bool_]:
         """Where a state (N,) is within the tolerance of the threshold of that name."""
