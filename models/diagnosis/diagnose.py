@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from models.calibrated import CalibratedPhysics, calibrate
 from models.dataset import Measurements
 from models.diagnosis.evidence import Hypothesis, posterior
-from models.diagnosis.gain import Gain, Readings, held_out_gain
+from models.diagnosis.gain import Gain, Readings, held_out_gains
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import NextMeasurement, next_measurements, rivals_of
 from models.diagnosis.noise import ChannelNoise, estimate_noise
@@ -49,7 +49,7 @@ class Diagnosis:
     noise: list[ChannelNoise]
     gap: dict[str, Any]
     share: dict[str, float]
-    gain: Gain | None
+    gains: tuple[Gain, ...]
     next: list[NextMeasurement]
     unexplained: Unexplained | None
     sight: list[Sight]
@@ -86,13 +86,24 @@ class Diagnosis:
             "groups": [list(g) for g in v.groups],
             "unknown": {"probability": v.unknown_probability, "formula": None} | self._unexplained(),
             "next": [n.as_plain() for n in self.next],
-            "gain": None if self.gain is None else self.gain.as_plain(),
+            "gain": self._gain(),
             "model": model_file,
             "sight": [s.as_plain() for s in self.sight],
             "noise": {n.channel: n.as_plain() for n in self.noise},
             "rejected_rows": self.rejected,
             "rejected_columns": [c.as_plain() for c in self.rejected_columns],
         }
+
+    @property
+    def gain(self) -> Gain | None:
+        """The gain on held-out bands of power, where there is one."""
+        return self.gains[0] if self.gains else None
+
+    def _gain(self) -> dict[str, Any] | None:
+        if not self.gains:
+            return None
+        first, *also = (gain.as_plain() for gain in self.gains)
+        return first | {"also": also}
 
     def _unexplained(self) -> dict[str, Any]:
         u = self.unexplained
@@ -178,10 +189,10 @@ def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Fit:
     return next((h.fit for h in hypotheses if set(verdict.stated) <= set(h.fit.effects)), hypotheses[0].fit)
 
 
-def _gain(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> Gain | None:
-    """What the stated causes are worth on bands that were not fitted, next to the best without any of them."""
+def _gains(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> tuple[Gain, ...]:
+    """What the stated causes are worth on blocks that were not fitted, next to the best without any of them."""
     if not verdict.stated:
-        return None
+        return ()
     wrong = (h.fit for h in hypotheses if h.fit.terms and set(verdict.stated).isdisjoint(h.fit.effects))
     readings = Readings(
         observations=setting.refinery.observations,
@@ -189,7 +200,7 @@ def _gain(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed
         covariance=setting.covariance,
         leftover=setting.leftover_everywhere(),
     )
-    return held_out_gain(readings, _leading(hypotheses, verdict), next(wrong, None), seed)
+    return held_out_gains(readings, _leading(hypotheses, verdict), next(wrong, None), seed)
 
 
 def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
@@ -295,7 +306,7 @@ def diagnose(
         leftover=0.0 if nameless is None else nameless.size,
     )
     if verdict.stated:
-        progress("holding out bands of power")
+        progress("holding out blocks")
     chosen = _leading(hypotheses, verdict)
     return Diagnosis(
         verdict=verdict,
@@ -305,7 +316,7 @@ def diagnose(
         noise=noise,
         gap=_gap(observations, refinery.residual),
         share={c.effect: _share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
-        gain=_gain(setting, hypotheses, verdict, seed),
+        gains=_gains(setting, hypotheses, verdict, seed),
         next=next_measurements(observations, rivals_of(hypotheses, refinery)),
         unexplained=nameless,
         sight=sight(refinery),

@@ -64,8 +64,9 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     ]
     shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
     found: list[tuple[Fit, Leftover | None, float]] = []
-    for fit in fits:
-        seen, own = refinery.seen(fit), fit.own(refinery.known)
+    fits = list(fits)
+    for fit, seen in zip(fits, refinery.seen(fits), strict=True):
+        own = fit.own(refinery.known)
         prior = log_prior(fit, catalogue)
         for leftover, share in shares:
             w = weigh(fit, seen, geometry, own, leftover)
@@ -85,7 +86,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
 def on_tangents(refinery: Refinery) -> list[Fit]:
     """Nothing and every effect alone on its tangent, without any simulation: a first look."""
     nothing = Fit.nothing(refinery.residual.size)
-    lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
+    lines = _best_variants(_screened(refinery, nothing))
     return [replace(nothing, log_evidence=refinery.weighed(nothing).log_evidence), *lines]
 
 
@@ -105,7 +106,7 @@ def search(refinery: Refinery) -> list[Fit]:
 def _alone(refinery: Refinery) -> list[Fit]:
     """Nothing, and every effect alone: all simulated once, those that lead to the end."""
     nothing = Fit.nothing(refinery.residual.size)
-    lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
+    lines = _best_variants(_screened(refinery, nothing))
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
     nothing, *curves = refinery.simulated([nothing, *lines, *scans])
     curves, scans = curves[: len(lines)], curves[len(lines) :]
@@ -128,17 +129,19 @@ def _alone(refinery: Refinery) -> list[Fit]:
     return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])]
 
 
-def _screened(refinery: Refinery, nothing: Fit, signature: Signature) -> Fit:
-    """One effect at the best value of its line, about nothing's simulated state."""
-    return _fitted_line(refinery, replace(nothing, terms=(_term(signature),)))
+def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:
+    """Every effect at the best value of its line, about nothing's simulated state."""
+    return _fitted_lines(refinery, [replace(nothing, terms=(_term(s),)) for s in refinery.known.effects])
 
 
-def _fitted_line(refinery: Refinery, fit: Fit) -> Fit:
-    """A fit moved to the best values of its tangents, with its evidence there."""
-    weighed = refinery.weighed(fit)
-    reach = _REACH * np.array([t.head.prior for t in fit.terms])
-    moved = fit.moved(np.clip(weighed.step, -reach, reach))
-    return replace(moved, log_evidence=refinery.weighed(moved).log_evidence)
+def _fitted_lines(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
+    """Fits moved to the best values of their tangents, with their evidence there."""
+    moved = []
+    for fit, weighed in zip(fits, refinery.weighed_all(fits), strict=True):
+        reach = _REACH * np.array([t.head.prior for t in fit.terms])
+        moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
+    there = refinery.weighed_all(moved)
+    return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(moved, there, strict=True)]
 
 
 def _best_variants(fits: list[Fit]) -> list[Fit]:
@@ -193,9 +196,8 @@ def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], 
     learned = [f.terms[0] for f in fits if len(f.terms) == 1]
     terms = [*learned, *(_term(s) for s in refinery.known.effects)]
     leading = max(map(log_probability, fits))
-    candidates = (
-        [] if len(base[0].terms) > 1 else _on_tangents(refinery, nothing, list(combinations(terms, 2)))
-    )
+    pairs = combinations([_term(t.signature) for t in learned], 2)
+    candidates = _on_tangents(refinery, nothing, pairs) if len(base[0].terms) == 1 else []
     for fit in _sorted(base)[:_TO_EXTEND]:
         candidates += _on_tangents(refinery, fit, [(t,) for t in terms])
     candidates = _best(replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates)
@@ -211,24 +213,26 @@ def _term(signature: Signature) -> Term:
     return Term(signature=signature, value=signature.entry.headline.off, sigma=np.inf, slope=signature.slope)
 
 
-def _on_tangents(refinery: Refinery, base: Fit, more: Sequence[tuple[Term, ...]]) -> list[Fit]:
+def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) -> list[Fit]:
     """The best fits with some terms more than a simulated one, on straight lines from its state."""
-    terms = {id(t): t for chosen in more for t in chosen}
-    place = {key: k for k, key in enumerate(terms, start=len(base.terms))}
-    left = base.vectors(refinery.residual)
-    vectors = np.concatenate([left[:-1], [t.slope for t in terms.values()], left[-1:]])
-    seen = refinery.geometry.project(vectors, refinery.law(base))
+    sets = [chosen for chosen in more if _are_new(chosen, base)]
+    terms = {id(t): t for chosen in sets for t in chosen}
+    place = {key: k for k, key in enumerate(terms)}
+    *slopes, left = base.vectors(refinery.residual)
+    vectors = np.stack([*slopes, *(t.slope for t in terms.values()), left])
+    (seen,) = refinery.geometry.project_all([vectors], [refinery.law(base)], basis=False)
     ends = list(range(len(vectors) - 1, len(seen.each_other)))  # what is left, then the laws' columns
     found = []
-    for chosen in more:
-        if not {t.effect for t in chosen}.isdisjoint(base.effects) or len({t.effect for t in chosen}) < len(
-            chosen
-        ):
-            continue
-        part = seen.of([*range(len(base.terms)), *(place[id(t)] for t in chosen), *ends])
+    for chosen in sets:
+        part = seen.of([*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends])
         off = (replace(t, value=t.head.off) for t in chosen)
         fit = replace(base, terms=(*base.terms, *off))
-        weighed = weigh(fit, part, refinery.geometry, fit.own(refinery.known))
-        found.append((weighed.promised, fit))
+        found.append((weigh(fit, part, refinery.geometry, fit.own(refinery.known)).promised, fit))
     found.sort(key=lambda entry: -entry[0])
-    return [_fitted_line(refinery, fit) for _, fit in found[:_SCREENED]]
+    return _fitted_lines(refinery, [fit for _, fit in found[:_SCREENED]])
+
+
+def _are_new(chosen: Sequence[Term], base: Fit) -> bool:
+    """Whether these are different effects, none of which a fit has."""
+    effects = {t.effect for t in chosen}
+    return len(effects) == len(chosen) and effects.isdisjoint(base.effects)

@@ -10,14 +10,15 @@ so that Woodbury's identity gives :math:`A^T C'^{-1} A` and :math:`\ln\det C'` f
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.leftover import Leftover, Leftovers
+from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -99,37 +100,43 @@ class Geometry:
 
     def project(self, vectors: Array, beside: Sequence[Directions] = ()) -> Projection:
         """Products of vectors (k, M), followed by the directions ``beside`` them."""
-        own = Projection(
-            each_other=vectors @ self.whitener.solve(vectors.T),
-            on_spreads=self.spreads_solved @ vectors.T,
-            on_basis=self.basis_solved @ vectors.T,
-        )
+        return self.project_all([vectors], [beside])[0]
+
+    def project_all(
+        self, groups: Sequence[Array], beside: Sequence[Sequence[Directions]] = (), *, basis: bool = True
+    ) -> list[Projection]:
+        """Products of vectors (k, M) with the directions ``beside`` them, group by group.
+
+        With no leftover in question they need no ``basis``.
+        """
+        if not groups:
+            return []
+        vectors = np.concatenate(list(groups))
+        solved = self.whitener.solve(vectors.T)
+        on_spreads = self.spreads_solved @ vectors.T
+        on_basis = self.leftovers.basis @ solved if basis else np.empty((0, len(vectors)))
+        ends = np.cumsum([0, *map(len, groups)]).tolist()
+        own = [
+            Projection(
+                each_other=vectors[a:b] @ solved[:, a:b],
+                on_spreads=on_spreads[:, a:b],
+                on_basis=on_basis[:, a:b],
+            )
+            for a, b in pairwise(ends)
+        ]
         if not beside:
             return own
-        seen = [own, *(d.seen for d in beside)]
-        heads = [vectors, *(d.vectors for d in beside)]
-        blocks = [
-            [p.each_other if i == j else np.empty(0) for j in range(len(seen))] for i, p in enumerate(seen)
-        ]
-        for j, d in enumerate(beside, start=1):
-            for i in range(j):
-                blocks[i][j] = heads[i] @ d.solved.T
-                blocks[j][i] = blocks[i][j].T
-        return Projection(
-            each_other=np.block(blocks),
-            on_spreads=np.concatenate([p.on_spreads for p in seen], axis=1),
-            on_basis=np.concatenate([p.on_basis for p in seen], axis=1),
-        )
+        return [_joined(v, seen, more) for v, seen, more in zip(groups, own, beside, strict=True)]
 
     def directions(self, vectors: Array) -> Directions:
         """Vectors (k, M) with all that does not change from one use to the next."""
-        solved = self.whitener.solve(vectors.T).T
+        solved = self.whitener.solve(vectors.T)
         seen = Projection(
-            each_other=vectors @ solved.T,
+            each_other=vectors @ solved,
             on_spreads=self.spreads_solved @ vectors.T,
-            on_basis=self.basis_solved @ vectors.T,
+            on_basis=self.leftovers.basis @ solved,
         )
-        return Directions(vectors=vectors, solved=solved, seen=seen)
+        return Directions(vectors=vectors, solved=solved.T, seen=seen)
 
     def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
         """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""
@@ -168,6 +175,25 @@ class Geometry:
             inner = np.eye(own.size) - between
             solved = solved + np.linalg.lstsq(inner, spreads @ vectors.T, rcond=_LEAST_LEFT)[0].T @ spreads
         return np.asarray(solved)
+
+
+def _joined(vectors: Array, seen: Projection, beside: Sequence[Directions]) -> Projection:
+    """The projection of vectors (k, M) followed by directions."""
+    if not beside:
+        return seen
+    parts, heads = [seen, *(d.seen for d in beside)], [vectors, *(d.vectors for d in beside)]
+    ends = np.cumsum([0, *map(len, heads)]).tolist()
+    each_other = np.zeros((ends[-1], ends[-1]))
+    for j, (part, (a, b)) in enumerate(zip(parts, pairwise(ends), strict=True)):
+        each_other[a:b, a:b] = part.each_other
+        for i in range(j):
+            each_other[ends[i] : ends[i + 1], a:b] = heads[i] @ beside[j - 1].solved.T
+            each_other[a:b, ends[i] : ends[i + 1]] = each_other[ends[i] : ends[i + 1], a:b].T
+    return Projection(
+        each_other=each_other,
+        on_spreads=np.concatenate([p.on_spreads for p in parts], axis=1),
+        on_basis=np.concatenate([p.on_basis[: len(seen.on_basis)] for p in parts], axis=1),
+    )
 
 
 def _admitted(leftover: Leftover, inner: Array, size: int) -> _Admitted:

@@ -8,7 +8,7 @@ its formula has another exponent, another dependence on temperature or time. g i
 
 :math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
 columns, it widens the covariance of every hypothesis that holds the cause: what a large one leaves then calls for no
-second one, and its value's interval says what the law is worth. A reading near a threshold may lie on either side of it.
+second one, and its value's interval says what the law is worth. A reading near a threshold may lie on either side.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -49,6 +49,22 @@ def law_maps(observations: Observations) -> Array:
     return np.concatenate([maps, later, channels.astype(np.float64)])
 
 
+def law_columns(
+    signatures: Sequence[Signature], observations: Observations, state: State
+) -> Iterable[tuple[Signature, Array]]:
+    """Every signature with the columns (r, M) of its error at a distance of one from off.
+
+    ``state`` has quantities (N,) of the frame's rows, for the thresholds.
+    """
+    maps = law_maps(observations)
+    for s in signatures:
+        columns = s.entry.law * maps * s.slope
+        if s.entry.threshold:
+            variants = [v for v in signatures if v.effect == s.effect]
+            columns = np.concatenate([columns, _undecided(s, variants, observations, state)])
+        yield s, columns
+
+
 def _undecided(
     signature: Signature, variants: Iterable[Signature], observations: Observations, state: State
 ) -> Array:
@@ -74,19 +90,9 @@ class Laws:
         return cls(known={})
 
     @classmethod
-    def of(
-        cls, signatures: Sequence[Signature], observations: Observations, state: State, geometry: Geometry
-    ) -> Self:
-        """The laws of some signatures; ``state`` has quantities (N,) of the frame's rows, for the thresholds."""
-        maps = law_maps(observations)
-        known = {}
-        for s in signatures:
-            columns = s.entry.law * maps * s.slope
-            if s.entry.threshold:
-                variants = [v for v in signatures if v.effect == s.effect]
-                columns = np.concatenate([columns, _undecided(s, variants, observations, state)])
-            known[_key(s)] = geometry.directions(columns)
-        return cls(known=known)
+    def of(cls, columns: Iterable[tuple[Signature, Array]], geometry: Geometry) -> Self:
+        """The laws of some signatures from their columns (r, M)."""
+        return cls(known={_key(s): geometry.directions(own) for s, own in columns})
 
     def directions(self, signature: Signature, distance: float) -> Directions | None:
         """The columns for a value at this distance from off; None for an exact law."""

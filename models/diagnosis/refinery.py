@@ -48,9 +48,10 @@ class Refinery:
         laws = (self.laws.directions(t.signature, t.distance) for t in fit.terms)
         return [law for law in laws if law is not None]
 
-    def seen(self, fit: Fit) -> Projection:
-        """A fit's vectors and the columns of its laws, projected."""
-        return self.geometry.project(fit.vectors(self.residual), self.law(fit))
+    def seen(self, fits: Sequence[Fit], *, basis: bool = True) -> list[Projection]:
+        """The vectors of every fit and the columns of its laws, projected in one look at the readings."""
+        vectors = [fit.vectors(self.residual) for fit in fits]
+        return self.geometry.project_all(vectors, [self.law(fit) for fit in fits], basis=basis)
 
     def solved(self, fit: Fit, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""
@@ -62,10 +63,16 @@ class Refinery:
         inner = np.eye(len(beside)) + vectors[1:] @ np.stack(beside).T
         return np.asarray(left - np.linalg.solve(inner, vectors[1:] @ left) @ np.stack(beside))
 
-    def weighed(self, fit: Fit, leftover: Leftover | None = None) -> Weighed:
+    def weighed(self, fit: Fit) -> Weighed:
         """The evidence of a fit as it stands."""
-        seen = self.seen(fit)
-        return weigh(fit, seen, self.geometry, fit.own(self.known), leftover)
+        return self.weighed_all([fit])[0]
+
+    def weighed_all(self, fits: Sequence[Fit]) -> list[Weighed]:
+        """The evidence of every fit as it stands, in one look at the readings."""
+        seen = self.seen(fits, basis=False)
+        return [
+            weigh(fit, part, self.geometry, fit.own(self.known)) for fit, part in zip(fits, seen, strict=True)
+        ]
 
     def spreads(self, fit: Fit) -> Array:
         """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
@@ -102,10 +109,9 @@ class Refinery:
         seen = []
         for fit, state, here in zip(fits, states, self.observations.simulate(models, self.near), strict=True):
             shift = here - state @ self.known.spreads[: state.size] - self.known.baseline
-            shift = np.where(np.isfinite(shift), shift, fit.shift)
-            fit = replace(fit, shift=shift)
-            seen.append(replace(fit, log_evidence=self.weighed(fit).log_evidence))
-        return seen
+            seen.append(replace(fit, shift=np.where(np.isfinite(shift), shift, fit.shift)))
+        weighed = self.weighed_all(seen)
+        return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(seen, weighed, strict=True)]
 
     def followed(self, fits: Iterable[Fit], leader: float = -np.inf) -> list[Fit]:
         """Newton's steps from simulated fits until all stand still, each to its best state.
@@ -119,9 +125,10 @@ class Refinery:
             if not ahead:
                 break
             going = []
-            for aimed, fit in zip(ahead, self.simulated(ahead), strict=True):
+            before = self.weighed_all([best[_key(fit)] for fit in ahead])
+            for aimed, fit, there in zip(ahead, self.simulated(ahead), before, strict=True):
                 known = best[_key(fit)]
-                fit = _taught(fit, known, aimed, self.weighed(known).sigma)
+                fit = _taught(fit, known, aimed, there.sigma)
                 if fit.log_evidence > known.log_evidence:
                     best[_key(fit)] = fit
                     going += self._onward([fit], leader)
@@ -136,8 +143,7 @@ class Refinery:
     def _onward(self, fits: list[Fit], leader: float) -> list[Fit]:
         """The fits that have a step to go, moved by it."""
         moved = []
-        for fit in fits:
-            weighed = self.weighed(fit)
+        for fit, weighed in zip(fits, self.weighed_all(fits), strict=True):
             if fit.log_evidence < hopeless(leader) or np.all(np.abs(weighed.step) <= _STILL * weighed.sigma):
                 continue
             reach = _REACH * np.array([t.head.prior for t in fit.terms])

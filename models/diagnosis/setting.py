@@ -6,15 +6,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Whitener, covariance
+from models.diagnosis.covariance import covariance
 from models.diagnosis.evidence import on_tangents, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
-from models.diagnosis.law import Laws
+from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
 from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures
+from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
 from sim.simulate import Result
 
@@ -31,22 +32,21 @@ _SEED = 0  # of the probes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """Noise (M,) and covariance (M, M) of the readings, and the refinery that works with them.
+    """Noise (M,) and covariance of the readings, and the refinery that works with them.
 
     ``far_off`` (M,) is how many of its channel's sigmas a reading lies from what explains the others.
     """
 
     sigma: Array
     far_off: Array
-    covariance: Array
+    covariance: Covariance
     refinery: Refinery
 
     def leftover_everywhere(self) -> Array:
-        """Covariance (M, M) of the largest leftover that is thought possible in all channels."""
+        """Directions (q, M) of the largest leftover that is thought possible in all channels."""
         known = self.refinery.geometry.leftovers
         widest = max(known.configurations, key=lambda c: (c.columns.size, c.amplitude_W))
-        columns = widest.amplitude_W * known.basis[widest.columns]
-        return np.asarray(columns.T @ columns)
+        return np.asarray(widest.amplitude_W * known.basis[widest.columns])
 
 
 def set_up(
@@ -60,7 +60,8 @@ def set_up(
         best = max(best, bench.settled(steadier), key=lambda settled: settled.log_evidence)
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
     near = observations.reference(baseline)
-    laws = Laws.of(known.effects, observations, _state(observations, near), found.refinery.geometry)
+    columns = law_columns(known.effects, observations, _state(observations, near))
+    laws = Laws.of(columns, found.refinery.geometry)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
         found,
@@ -101,12 +102,12 @@ class _Bench:
 
     def setting(self, sigma: Array, doubt: Array) -> Setting:
         """The setting with this noise (M,) and this doubt (M,) about what explains the readings."""
-        matrix = covariance(self.observations, np.hypot(sigma, doubt), self.known)
-        geometry = Geometry.of(Whitener.of(matrix), self.known.spreads, self.rivals)
+        parts = covariance(self.observations, np.hypot(sigma, doubt), self.known)
+        geometry = Geometry.of(Whitener.of(parts), self.known.spreads, self.rivals)
         refinery = Refinery(
             known=self.known, observations=self.observations, baseline=self.baseline, geometry=geometry
         )
-        return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=matrix, refinery=refinery)
+        return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery)
 
     def settled(self, first: Array) -> _Settled:
         """Looks at what the best explanation leaves until the noise, ``first`` (M,) at the beginning, stands still."""

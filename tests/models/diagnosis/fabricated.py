@@ -7,13 +7,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
+from models.diagnosis.law import Laws
 from models.diagnosis.leftover import AMPLITUDES_W, Leftover, Leftovers
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature, Signatures
+from models.diagnosis.whitener import Whitener
 from sim.model import Model
 from sim.prototype import prototype
 
@@ -87,17 +88,23 @@ def white_leftovers(readings: int) -> Leftovers:
 
 
 def refinery(
-    value: Array, effects: Sequence[Signature], sigma: Array, spreads: Array | None = None
+    value: Array,
+    effects: Sequence[Signature],
+    sigma: Array,
+    spreads: Array | None = None,
+    laws: Sequence[tuple[Signature, Array]] = (),
 ) -> Refinery:
-    """A linear bench's refinery: independent noise, spreads, and a leftover that is white."""
+    """A linear bench's refinery: independent noise, spreads, a leftover that is white, and laws' columns (r, M)."""
     signatures = known(effects, value.size, spreads)
     bench = LinearBench(value, effects)
     whitener = Whitener.of(covariance_of(sigma, signatures.spreads))
+    geometry = Geometry.of(whitener, signatures.spreads, white_leftovers(value.size))
     return Refinery(
         known=signatures,
         observations=bench,  # type: ignore[arg-type]  # as much of it as a refinery needs
         baseline=Model.baseline(),
-        geometry=Geometry.of(whitener, signatures.spreads, white_leftovers(value.size)),
+        geometry=geometry,
+        laws=Laws.of(laws, geometry),
     )
 
 
