@@ -1,10 +1,19 @@
-"""Calibrated physics: the simulator at the most probable state of its parts, and what is left over, smoothed.
+r"""Calibrated physics: the simulator at the most probable state of its parts, and what is left over, smoothed.
 
 The named effects and every everyday spread are fitted to all channels at once; the simulator then runs with
 them. What it still misses in efficiency is carried by a Gaussian process over (D1, D2, power), in watts, which
 falls back to nothing away from the measured points.
+
+How sure it is: what the measurements leave open of spreads and effects has the covariance
+
+.. math:: \Sigma = I - D C'^{-1} D^T
+
+with D their directions in the readings, one prior sigma each, and C' the readings' covariance under the fit. The model
+is kept again at one standard deviation along each of Sigma's axes: the squares of what these variants say differently,
+and the process's own variance, add up.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -16,11 +25,13 @@ from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from sim.model import Model
 from sim.operating_points import Points
-from sim.simulate import simulate
+from sim.simulate import can_run, simulate, simulate_many
 
 Array = NDArray[np.float64]
 
 CALIBRATED = "calibrated"
+_SURE = 2.0  # standard deviations of the most that can be carried
+_TRIED = (0.7, 1.7, 0.0025)  # of the rated power: from, to, step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +39,12 @@ class Leftover:
     """A correction of the input power in W from residuals at measured points: smooth, and an analyzer's errors.
 
     A Gaussian process with covariance ``smooth_W^2 k(x, x') + offset_W^2 + gain^2 P P'``; ``place`` (N, 3) holds
-    the measured (D1, D2, power) and ``weight`` (N,) its fit.
+    the measured (D1, D2, power), ``noise_W`` (N,) their readings' noise, and ``weight`` (N,) its fit.
     """
 
     place: Array
     weight: Array
+    noise_W: Array
     length: Array
     smooth_W: float = 0.25
     offset_W: float = 0.6
@@ -45,8 +57,16 @@ class Leftover:
 
     def fitted(self, residual_W: Array, sigma_W: Array) -> Self:
         """The process given residuals and their noise, (N,)."""
-        prior = self.covariance(self.place, self.place)
-        return replace(self, weight=Whitener.of(prior + np.diag(sigma_W**2)).solve(residual_W))
+        fitted = replace(self, noise_W=sigma_W)
+        return replace(fitted, weight=fitted._readings().solve(residual_W))
+
+    def left_open(self, place: Array) -> Array:
+        """Covariance of the correction at points (K, 3) after the fit, (K, K), in W^2."""
+        across = self.covariance(place, self.place)
+        return np.asarray(self.covariance(place, place) - across @ self._readings().solve(across.T))
+
+    def _readings(self) -> Whitener:
+        return Whitener.of(self.covariance(self.place, self.place) + np.diag(self.noise_W**2))
 
     def watts(self, place: Array) -> Array:
         """Correction at points (K, 3)."""
@@ -55,9 +75,10 @@ class Leftover:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedPhysics:
-    """An efficiency model: a calibrated simulator and the leftover that it could not take up."""
+    """An efficiency model: a calibrated simulator, its variants, and the leftover that it could not take up."""
 
     model: Model
+    variants: tuple[Model, ...]
     leftover: Leftover
     V1_V: float
     V2_V: float
@@ -66,13 +87,59 @@ class CalibratedPhysics:
     def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
         """Efficiency as a fraction, of the inputs' broadcast shape; NaN where the model cannot run."""
         a, b, c = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (D1, D2, power_W)))
-        points = Points(
-            D1=a.ravel(), D2=b.ravel(), power_W=c.ravel(),
-            V1_V=self.V1_V, V2_V=self.V2_V, ambient_C=self.ambient_C,
-        )  # fmt: skip
-        P1 = simulate(self.model, points)["P1_W"]
-        extra = self.leftover.watts(np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1))
-        return np.asarray((c.ravel() / (P1 + extra)).reshape(a.shape))
+        place = np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1)
+        P1 = simulate(self.model, self._points(place))["P1_W"]
+        return np.asarray((c.ravel() / (P1 + self.leftover.watts(place))).reshape(a.shape))
+
+    def left_open(self, place: Array) -> Array:
+        """Covariance of the predicted efficiency at points (K, 3) of D1, D2 and power, (K, K).
+
+        What a variant cannot run says nothing there.
+        """
+        points = self._points(place)
+        P1, *others = (r["P1_W"] for r in simulate_many([self.model, *self.variants], points))
+        moved = np.nan_to_num(np.stack(others) - P1)
+        per_watt = place[:, 2] / P1**2
+        watts = moved.T @ moved + self.leftover.left_open(place)
+        return np.asarray(per_watt[:, None] * watts * per_watt)
+
+    def vouched(self) -> "Vouched":
+        """The same model, without the points of which it is not sure that they carry their power."""
+        return Vouched(of=self, spare=_SURE * self._limit_sigma())
+
+    def _limit_sigma(self) -> float:
+        """Standard deviation of the most that can be carried, relative, with the widest pulses."""
+        rated_W = self.model.altered_converter().rated_power_W
+        tried = np.arange(*_TRIED) * rated_W
+        place = np.stack([np.ones_like(tried), np.zeros_like(tried), tried], axis=1)
+        models = (self.model, *self.variants)
+        carried = np.array([np.count_nonzero(can_run(m, self._points(place))) for m in models])
+        most = _TRIED[0] + _TRIED[2] * carried
+        return float(np.linalg.norm(most[1:] / most[0] - 1))
+
+    def _points(self, place: Array) -> Points:
+        D1, D2, power_W = place.T
+        return Points(D1=D1, D2=D2, power_W=power_W, V1_V=self.V1_V, V2_V=self.V2_V, ambient_C=self.ambient_C)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vouched:
+    """A calibrated model that predicts only where it could carry a ``spare`` share of the power more."""
+
+    of: CalibratedPhysics
+    spare: float
+
+    def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
+        """As that of the calibrated model; NaN too where there is not that much to spare."""
+        efficiency = self.of.predict(D1, D2, power_W)
+        carried = np.flatnonzero(np.isfinite(efficiency))
+        place = np.stack(
+            [np.broadcast_to(x, efficiency.shape).ravel()[carried] for x in (D1, D2, power_W)], axis=1
+        )
+        place[:, 2] *= 1 + self.spare
+        runs = can_run(self.of.model, self.of._points(place))
+        efficiency.ravel()[carried[~runs]] = np.nan
+        return efficiency
 
 
 def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
@@ -90,15 +157,38 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
     usable = loads & np.isfinite(residual)
     p = observations.points
     where = np.stack([p.D1, p.D2, p.power_W], axis=1)
+    none = np.zeros(int(usable.sum()))
     empty = Leftover(
         place=where[observations.row[usable]],
-        weight=np.zeros(int(usable.sum())),
+        weight=none,
+        noise_W=none,
         length=length_scale(observations),
     )
     return CalibratedPhysics(
         model=model,
+        variants=tuple(_variants(refinery, fit)),
         leftover=empty.fitted(residual[usable], sigma[usable]),
         V1_V=float(np.median(np.asarray(p.V1_V))),
         V2_V=float(np.median(np.asarray(p.V2_V)[observations.loaded])),
         ambient_C=float(np.median(np.asarray(p.ambient_C))),
     )
+
+
+def _variants(refinery: Refinery, fit: Fit) -> Iterator[Model]:
+    """The model at one standard deviation along each axis of what the measurements leave open."""
+    known, own = refinery.known, fit.own(refinery.known)
+    size, prior = len(known.spread_entries), np.array([t.head.prior for t in fit.terms])
+    directions = np.concatenate(
+        [known.spreads[:size], *(p * t.slope[None] for p, t in zip(prior, fit.terms, strict=True))]
+    )
+    directions[own[own < size]] = 0.0
+    inner = directions @ refinery.geometry.solve(directions, own).T
+    across = inner[:, size:]  # the effects have no part in the covariance yet
+    inner -= across @ np.linalg.solve(np.eye(prior.size) + across[size:], across.T)
+    left = np.eye(len(inner)) - inner
+    left[own[own < size]] = 0.0
+    variance, axes = np.linalg.eigh(0.5 * (left + left.T))
+    spreads = refinery.spreads(fit)
+    for length, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
+        step = length * axis
+        yield refinery.model(fit.moved(prior * step[size:]), spreads + step[:size])

@@ -50,7 +50,8 @@ def test_where_the_model_cannot_run_there_is_no_prediction(calibrated: Calibrate
 
 
 def leftover(place: np.ndarray) -> Leftover:
-    return Leftover(place=place, weight=np.zeros(len(place)), length=np.array([0.2, 0.2, 400.0]))
+    none = np.zeros(len(place))
+    return Leftover(place=place, weight=none, noise_W=none, length=np.array([0.2, 0.2, 400.0]))
 
 
 def test_a_leftover_goes_through_quiet_readings() -> None:
