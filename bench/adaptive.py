@@ -6,8 +6,9 @@ which died between choosing and setting chooses the same again. It goes, in this
 1. the question between the explanations that the diagnosis has left: rows that tell them apart, best per minute;
 2. the surrogate: rows where its efficiency is uncertain near the optimum.
 
-It ends with the budget, or when every stated cause is sure, nothing on this bench would tell more, and the optimum is
-known well enough. What somebody has to come for (another wiring, four wires, a warmer room) is told, never done.
+It ends with the budget, or when every stated cause is sure, nothing that is left to do here would tell more, and the
+optimum is known well enough. What somebody has to come for (another wiring, four wires, a warmer room) is told, never
+done.
 """
 
 from collections import Counter
@@ -28,15 +29,22 @@ if TYPE_CHECKING:
     from models.diagnosis.diagnose import Diagnosis
     from models.diagnosis.next_measurement import NextMeasurement
 
+_WORTH_A_BUDGET = 2.0  # sigmas that all rows left have to tell together, for a question to be asked
+_MOST_ASKED = 80  # candidates of which every explanation is asked what it expects
 _LOADED_MIN, _UNLOADED_MIN = 4.0, 1.5  # bench minutes of a row, before any was measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """Rows to measure next, none when the campaign has enough; what it goes by, line by line, for people."""
+    """Rows to measure next, none when the campaign has enough; what it goes by, line by line, for people.
+
+    ``verdict`` and ``stated`` are the diagnosis of the rows so far, where there is one.
+    """
 
     rows: tuple[PlannedPoint, ...] = ()
     said: tuple[str, ...] = ()
+    verdict: str = ""
+    stated: tuple[str, ...] = ()
 
 
 class Chooses(Protocol):
@@ -74,10 +82,15 @@ class Adaptive:
             return Choice(said=("enough: every candidate was tried and rejected",))
         found = _diagnosed(table, self.bench)
         if isinstance(found, str):
-            wanted, said = self._lonely(allowed, so_far), [f"no diagnosis yet: {found}"]
-        else:
-            wanted, said = self._informed(found, allowed, so_far)
-        return Choice(rows=tuple(self._rows(wanted, left, so_far)), said=tuple(said))
+            rows = self._rows(self._lonely(allowed, so_far), left, so_far)
+            return Choice(rows=tuple(rows), said=(f"no diagnosis yet: {found}",))
+        wanted, said = self._informed(found, allowed, so_far, left)
+        return Choice(
+            rows=tuple(self._rows(wanted, left, so_far)),
+            said=tuple(said),
+            verdict=found.verdict.kind,
+            stated=found.verdict.stated,
+        )
 
     @property
     def _settings(self) -> AdaptiveConfig:
@@ -111,7 +124,7 @@ class Adaptive:
             yield _load(place, "far from everything measured so far")
 
     def _informed(
-        self, found: "Diagnosis", allowed: Box, so_far: "_SoFar"
+        self, found: "Diagnosis", allowed: Box, so_far: "_SoFar", left: int
     ) -> tuple[Iterator[PlannedPoint], list[str]]:
         """What the diagnosis asks for; where it asks for nothing, what the surrogate does."""
         from models.diagnosis.bench_options import Allowed
@@ -119,23 +132,21 @@ class Adaptive:
 
         verdict, settings = found.verdict, self._settings
         stated = f"verdict so far: {verdict.kind}" + "".join(f" {name}" for name in verdict.stated)
-        steps = found.steps(
-            Allowed(
-                set_points=allowed,
-                loaded_min=so_far.loaded_min,
-                unloaded_min=so_far.unloaded_min,
-                by_hand=False,
-            ),
-            settings.at_once,
+        may = Allowed(
+            set_points=allowed[:: -(-len(allowed) // _MOST_ASKED)],
+            loaded_min=so_far.loaded_min,
+            unloaded_min=so_far.unloaded_min,
+            by_hand=False,
+            least_sigma=_WORTH_A_BUDGET / left**0.5,
         )
-        doable = [step for step in steps if not step.by_hand]
+        doable = [step for step in found.steps(may, settings.at_once) if not step.by_hand]
         if doable:
             return (self._step(step) for step in doable for _ in range(step.repeats)), [stated]
         said = [stated, *(f"for somebody at the bench: {s.action}" for s in found.next if s.by_hand)]
         unsure = least_known(found.calibrated, allowed, settings.at_once)
         if unsure.sigma <= settings.optimum and self._is_sure(found):
             known = f"the optimum is known to {100 * unsure.sigma:.3f} points"
-            return iter(()), [*said, f"enough: nothing on this bench would tell more, and {known}"]
+            return iter(()), [*said, f"enough: nothing that is left to do here would tell more, and {known}"]
         why = f"efficiency near the optimum is uncertain, up to {100 * unsure.sigma:.3f} points"
         return (_load(allowed[k], why) for k in unsure.chosen), said
 

@@ -198,13 +198,13 @@ class SetPointConfig(Section):
 class AdaptiveConfig(Section):
     """How an adaptive plan begins, goes on and ends."""
 
-    start: int = Field(default=16, ge=12, description="set points with load to begin with, spread out")
+    start: int = Field(default=12, ge=8, description="set points with load to begin with, spread out")
     at_once: int = Field(default=4, ge=1, description="rows that one diagnosis chooses")
     candidates: int = Field(default=200, ge=12, description="feasible set points to choose from")
     minutes: Positive | None = Field(default=None, description="bench time to end after; without it no limit")
     probability: Probability = Field(default=0.95, description="of every stated cause, to end with")
     optimum: Positive = Field(
-        default=2e-4, description="standard uncertainty of efficiency near the optimum, to end with"
+        default=5e-4, description="standard uncertainty of efficiency near the optimum, to end with"
     )
 
 

@@ -35,13 +35,15 @@ class Allowed:
     """What may be proposed, and the bench minutes that it takes.
 
     ``set_points`` (N, 3) of D1, D2 and power in W; without them the measured ones and a grid over their ranges.
-    ``by_hand`` allows what somebody has to come for: another wiring, another dead time, a warmer room.
+    ``by_hand`` allows what somebody has to come for: another wiring, another dead time, a warmer room. A step has to
+    separate two explanations by ``least_sigma``.
     """
 
     set_points: Array | None = None
     loaded_min: float = _POINT_MIN
     unloaded_min: float = _UNLOADED_MIN
     by_hand: bool = True
+    least_sigma: float = 0.5
 
 
 ANYTHING = Allowed()

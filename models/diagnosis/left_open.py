@@ -10,7 +10,9 @@ and an explanation whose effects have the slopes T, in units of their priors, le
 .. math:: V + R^T (1 + T C^{-1} T^T)^{-1} R, \quad R = T_* - T C^{-1} C_*
 
 (Rasmussen and Williams, 2006, section 2.7: a Gaussian process with explicit basis functions). A reading tells two
-explanations apart only as far as it differs by more than this.
+explanations apart only as far as it differs by more than this. What an explanation expects there is what its model
+says, whose parts have their most probable spreads, and what the instruments' errors and the simulation's inaccuracy
+were found to be beside it, :math:`(C_* - J_p^T J_{p*})^T C^{-1} r` with :math:`J_p` the spreads of the parts.
 """
 
 from collections.abc import Sequence
@@ -53,22 +55,34 @@ class Ahead:
         return seen, len(self.channels) * seen.row + place[seen.channel]
 
 
-def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> Array:
-    """The covariance of the readings ahead under each fit, (R, N, N) with N = K times the number of channels.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOpen:
+    """Of each fit: what its model's readings ahead are off by (R, N), and their covariance (R, N, N).
 
-    NaN where a part off by its spread, or an effect, could not run.
+    N is K times the number of channels. NaN where a part off by its spread, or an effect, could not run.
     """
+
+    beside: Array
+    covariance: Array
+
+
+def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen:
+    """What the measurements say and leave open of the readings ahead."""
     seen, number = ahead.observed(refinery)
     known, there = refinery.known, signatures(seen, refinery.baseline)
     accuracy = _Accuracy(refinery.observations, seen)
     across = known.spreads.T @ there.spreads + accuracy.across(known.baseline, there.baseline)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))
     common = there.spreads.T @ there.spreads + accuracy.ahead(there.baseline) - across.T @ solved
+    parts = slice(len(known.spread_entries))
+    other = across - known.spreads[parts].T @ there.spreads[parts]
     size = len(ahead.points) * len(ahead.channels)
-    found = np.zeros((len(fits), size, size))
+    beside, covariance = np.zeros((len(fits), size)), np.zeros((len(fits), size, size))
     for k, fit in enumerate(fits):
-        found[k][np.ix_(number, number)] = common + _of_effects(refinery, fit, there, solved)
-    return found
+        left = refinery.geometry.solve((refinery.residual - fit.shift)[None], fit.own(known))[0]
+        beside[k, number] = left @ other
+        covariance[k][np.ix_(number, number)] = common + _of_effects(refinery, fit, there, solved)
+    return LeftOpen(beside=beside, covariance=covariance)
 
 
 def _of_effects(refinery: Refinery, fit: Fit, there: Signatures, solved: Array) -> Array | float:

@@ -134,10 +134,10 @@ def next_measurements(
     options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed)
     everything = _Race.of(options, rivals, refinery)
     present = [k for k, c in enumerate(CHANNELS) if c in observations.channels]
-    steps, reached = everything.among(range(len(options.what)), present).steps(most)
+    steps, reached = everything.among(range(len(options.what)), present).steps(most, allowed.least_sigma)
     alone = [k for k, option in enumerate(options.what) if not option.by_hand]
     if any(step.by_hand for step in steps):
-        others, reached = everything.among(alone, present).steps(most)
+        others, reached = everything.among(alone, present).steps(most, allowed.least_sigma)
         steps += [step for step in others if step.action not in {s.action for s in steps}]
     absent = [k for k in range(len(CHANNELS)) if k not in present]
     tied = [k for k, d2 in enumerate(reached) if d2 < SEPARATED**2]
@@ -165,14 +165,16 @@ class _Race:
         """Before anything is chosen."""
         pairs = np.array(list(combinations(range(len(rivals)), 2)), dtype=np.intp)
         size = options.sigma.size
-        open_ = np.zeros((len(rivals), size, size))
+        expected, open_ = options.readings.reshape(len(rivals), size), np.zeros((len(rivals), size, size))
         if refinery is not None:
-            found = left_open(
-                refinery, Ahead(points=options.points, channels=CHANNELS), [r.fit for r in rivals]
+            ahead = Ahead(points=options.points, channels=CHANNELS)
+            found, known = (
+                left_open(refinery, ahead, [r.fit for r in rivals]),
+                len(options.points) * len(CHANNELS),
             )
-            open_[:, : found.shape[1], : found.shape[1]] = found
-        readings = options.readings.reshape(len(rivals), size)
-        apart = readings[pairs[:, 0]] - readings[pairs[:, 1]]
+            expected[:, :known] += found.beside
+            open_[:, :known, :known] = found.covariance
+        apart = expected[pairs[:, 0]] - expected[pairs[:, 1]]
         blind = np.isnan(apart).any(axis=0) | np.isnan(np.diagonal(open_, axis1=1, axis2=2)).any(axis=0)
         apart[:, blind] = 0.0
         open_[:, blind] = 0.0
@@ -190,7 +192,7 @@ class _Race:
             apart=self.apart[:, :, kept],
         )
 
-    def steps(self, most: int) -> tuple[list[NextMeasurement], list[float]]:
+    def steps(self, most: int, least_sigma: float) -> tuple[list[NextMeasurement], list[float]]:
         """Steps in the order of their worth, and what they separate each pair by, squared."""
         weight = np.array([self.rivals[i].probability * self.rivals[j].probability for i, j in self.pairs])
         reached, steps = np.zeros(len(self.pairs)), dict[int, NextMeasurement]()
@@ -202,7 +204,7 @@ class _Race:
             worth = (weight * np.exp(-0.5 * reached)) @ gain / self.options.minutes
             best = int(np.argmax(worth))
             first = int(np.argmax(np.where(unsettled, weight * gain[:, best], -1.0)))
-            if gain[first, best] < _WORTH_DOING**2:
+            if gain[first, best] < least_sigma**2:
                 break
             reached = reached + gain[:, best]
             new = NextMeasurement.of(self.options.what[best], self._differ(first), float(gain[first, best]))
