@@ -28,6 +28,7 @@ from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.campaign import run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
@@ -54,10 +55,11 @@ from models.surrogate import train_d2ea
 from sim.model import Model
 
 T = TypeVar("T")
+Array = NDArray[np.float64]
 
 SEED = 31_000
 MEASURED, LONG, FOLLOWED, VIEWERS = 1000, 10_000, 30, 8
-CAMPAIGN_ROWS, ROUNDS = 24, 3
+CAMPAIGN_ROWS, ROUNDS = 24, 11
 RETRAIN_BAR_S, PAGE_BAR_S, POINT_BAR_S, COST_BAR = 5.0, 2.0, 1.0, 0.02
 BENCH = "benchmark bench"
 MEMORY = Path(
@@ -279,29 +281,41 @@ def _first_page(address: str) -> float:
 
 
 def _cost(settings: Settings, folder: Path) -> tuple[Table, tuple[Goal, ...]]:
-    """Campaigns with and without viewers, in turns; the medians."""
+    """Campaigns with and without viewers side by side, in turns of who is first; the median ratio of the pairs."""
     rounds = settings.thinned(ROUNDS)
     runs: dict[int, list[tuple[float, float]]] = {0: [], VIEWERS: []}
     workers = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"))
     with workers:
         workers.submit(_campaign, f"sqlite:///{folder}/warm.sqlite", 4).result()  # imports and caches
         for number in range(rounds):
-            for viewers, found in runs.items():
+            for viewers in (0, VIEWERS) if number % 2 else (VIEWERS, 0):
                 url = f"sqlite:///{folder}/cost-{number}-{viewers}.sqlite"
                 with Store(url), _dashboard(url) as address, watching(address, viewers):
-                    found.append(workers.submit(_campaign, url, CAMPAIGN_ROWS).result())
-    median = {k: [statistics.median(run[j] for run in found) for j in (0, 1)] for k, found in runs.items()}
-    rows: tuple[tuple[Cell, ...], ...] = tuple((k, *values) for k, values in median.items())
-    more = [median[VIEWERS][j] / median[0][j] - 1 for j in (0, 1)]
+                    runs[viewers].append(workers.submit(_campaign, url, CAMPAIGN_ROWS).result())
+    without, beside = np.array(runs[0]), np.array(runs[VIEWERS])
+    more = beside / without - 1
+    low, high = _median_between(more)
+    rows: list[tuple[Cell, ...]] = [
+        (k, *np.median(found, axis=0).tolist()) for k, found in ((0, without), (VIEWERS, beside))
+    ]
+    rows += [("more, median", *np.median(more, axis=0).tolist())]
+    rows += [("more, 95 % from", *low.tolist()), ("more, 95 % to", *high.tolist())]
     names = ("campaign's wall time, eight viewers", "campaign's processor time, eight viewers")
     goals = tuple(
         Goal(name=name, value=value, bar=COST_BAR, at_least=False)
-        for name, value in zip(names, more, strict=True)
+        for name, value in zip(names, np.median(more, axis=0).tolist(), strict=True)
     )
     columns = ("viewers", "wall (s)", "processor (s)")
     return Table(
-        title=f"A campaign of {CAMPAIGN_ROWS} points, median of {rounds}", columns=columns, rows=rows
+        title=f"A campaign of {CAMPAIGN_ROWS} points, {rounds} pairs", columns=columns, rows=tuple(rows)
     ), goals
+
+
+def _median_between(values: Array) -> tuple[Array, Array]:
+    """95 % interval (2,) of the median of values (pairs, 2), by bootstrap."""
+    picks = np.random.default_rng(SEED).integers(0, len(values), (2000, len(values)))
+    medians = np.median(values[picks], axis=1)
+    return np.quantile(medians, 0.025, axis=0), np.quantile(medians, 0.975, axis=0)
 
 
 def _campaign(url: str, points: int) -> tuple[float, float]:

@@ -149,10 +149,8 @@ def _postgresql(settings: Settings) -> tuple[list[DatabaseReport], SharedReport 
     reference = undisturbed(KILL_POINTS, seed)
     wanted = places(len(reference), share=0.3 * settings.scale, seed=seed + 1)
     with Cluster(bin) as cluster:
-        shared = benches_at_once(
-            cluster.new_database(), benches=BENCHES, points=settings.thinned(BENCH_POINTS)
-        )
-        url = cluster.new_database()
+        shared = benches_at_once(cluster.new_schema(), benches=BENCHES, points=settings.thinned(BENCH_POINTS))
+        url = cluster.new_schema()
         killed = kill_at(wanted, reference, url=url, points=KILL_POINTS, seed=seed)
         return [stopped_server(cluster, seed=9)], shared, [killed]
 

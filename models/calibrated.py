@@ -20,9 +20,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.diagnosis.covariance import Whitener, kernel, length_scale
+from models.diagnosis.covariance import kernel, length_scale
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
+from models.diagnosis.whitener import Whitener
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import can_run, simulate, simulate_many

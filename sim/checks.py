@@ -1,6 +1,8 @@
 """What every parameter object asks of its values."""
 
+import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +17,14 @@ class ParameterError(ValueError):
     """A parameter outside what is physically possible; names the field, the value and the range."""
 
 
-def check(
-    owner: object, allowed: str, holds: Callable[[NDArray[np.float64]], NDArray[np.bool_]], *names: str
-) -> None:
+def check(owner: object, allowed: str, holds: Callable[[Any], NDArray[np.bool_] | bool], *names: str) -> None:
     for name in names:
-        value = np.asarray(getattr(owner, name), dtype=float)
+        given = getattr(owner, name)
+        if (
+            isinstance(given, float) and math.isfinite(given) and holds(given)
+        ):  # most are: no array is made for them
+            continue
+        value = np.asarray(given, dtype=float)
         if not (np.all(np.isfinite(value)) and np.all(holds(value))):
             raise ParameterError(f"{type(owner).__name__}.{name} is {value}; allowed: finite and {allowed}")
 

@@ -105,31 +105,51 @@ def _with_zero_bias(junction: Capacitance, value: float) -> Capacitance:
     return replace(junction, zero_bias_F=float(value))
 
 
-def _curves(converter: Converter, size: int) -> tuple[Array, NDArray[np.intp]]:
-    """Swing curves (4, G, 65) of the different sets of capacitances, and each point's set (N,)."""
-    primary, secondary = primary_scheme(converter), secondary_scheme(converter)
-    junctions = {k: d.capacitance for s in (primary, secondary) for k, d in s.devices.items()}
-    values = np.stack(np.broadcast_arrays(*(j.zero_bias_F for j in junctions.values()), np.empty(1))[:-1])
-    sets, which = np.unique(values, axis=1, return_inverse=True)
-    edges = (
-        (primary, primary.first, converter.V1_V), (primary, primary.second, converter.V1_V),
-        (secondary, secondary.first, converter.V2_V), (secondary, secondary.second, converter.V2_V),
-    )  # fmt: skip
-    tables = []
-    for column in sets.T:
-        own = {k: _with_zero_bias(j, v) for (k, j), v in zip(junctions.items(), column, strict=True)}
-        tables.append([
-            leg_curve(
-                [([own[k] for k in t.charging], [own[k] for k in t.discharging]) for t in transitions],
-                scheme.step * link_V,
-            )
-            for scheme, transitions, link_V in edges
-        ])  # fmt: skip
-    return np.stack(tables, axis=1), np.broadcast_to(which.ravel(), (size,)).astype(np.intp)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwingCurves:
+    """Swing curves ``values`` (4, G, 65) of the different sets of capacitances, and each point's set ``which`` (N,)."""
+
+    values: Array
+    which: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, converter: Converter, size: int) -> "SwingCurves":
+        """Those of a converter at so many points; they depend on nothing that moves in operation."""
+        primary, secondary = primary_scheme(converter), secondary_scheme(converter)
+        junctions = {k: d.capacitance for s in (primary, secondary) for k, d in s.devices.items()}
+        zero_bias = np.stack(
+            np.broadcast_arrays(*(j.zero_bias_F for j in junctions.values()), np.empty(1))[:-1]
+        )
+        sets, which = np.unique(zero_bias, axis=1, return_inverse=True)
+        edges = (
+            (primary, primary.first, converter.V1_V), (primary, primary.second, converter.V1_V),
+            (secondary, secondary.first, converter.V2_V), (secondary, secondary.second, converter.V2_V),
+        )  # fmt: skip
+        tables = []
+        for column in sets.T:
+            own = {k: _with_zero_bias(j, v) for (k, j), v in zip(junctions.items(), column, strict=True)}
+            known: dict[tuple[tuple[Transition, ...], float], Array] = {}
+            for scheme, transitions, link_V in edges:
+                if (transitions, link_V) not in known:
+                    steps = [
+                        ([own[k] for k in t.charging], [own[k] for k in t.discharging]) for t in transitions
+                    ]
+                    known[transitions, link_V] = leg_curve(steps, scheme.step * link_V)
+            tables.append([known[transitions, link_V] for _, transitions, link_V in edges])
+        return cls(
+            values=np.stack([np.stack(table) for table in tables], axis=1),
+            which=np.broadcast_to(which.ravel(), (size,)).astype(np.intp),
+        )
+
+    def take(self, chosen: NDArray[np.intp]) -> "SwingCurves":
+        """The same curves for some of the points."""
+        return SwingCurves(values=self.values, which=self.which[chosen])
 
 
-def build_circuit(converter: Converter, t: Temperatures, V1_V: Array, V2_V: Array) -> Circuit:
-    """The circuit at N points, from voltages of shape (N,)."""
+def build_circuit(
+    converter: Converter, t: Temperatures, V1_V: Array, V2_V: Array, swings: SwingCurves | None = None
+) -> Circuit:
+    """The circuit at N points, from voltages of shape (N,); ``swings`` where the converter's are known already."""
     size = V1_V.shape
 
     def wide(value: Quantity) -> Array:
@@ -150,7 +170,7 @@ def build_circuit(converter: Converter, t: Temperatures, V1_V: Array, V2_V: Arra
         swing_charge(primary, primary.first, V1_V), swing_charge(primary, primary.second, V1_V),
         swing_charge(secondary, secondary.first, V2_V), swing_charge(secondary, secondary.second, V2_V),
     )  # fmt: skip
-    curves, curve = _curves(converter, V1_V.size)
+    swings = swings or SwingCurves.of(converter, V1_V.size)
     bends_A, relative = np.zeros(0), np.ones((1, *size))
     if converter.inductor.saturates:
         bends_A, relative = converter.inductor.bands()
@@ -173,6 +193,6 @@ def build_circuit(converter: Converter, t: Temperatures, V1_V: Array, V2_V: Arra
         bends_A=bends_A,
         relative_L=relative,
         charge_C=np.stack([wide(Q) for Q in charges]),
-        curves=curves,
-        curve=curve,
+        curves=swings.values,
+        curve=swings.which,
     )

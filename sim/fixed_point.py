@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.bridges import part_names
-from sim.circuit import Temperatures, build_circuit
+from sim.circuit import SwingCurves, Temperatures, build_circuit
 from sim.losses import conduction_losses, switching_losses
 from sim.magnetics import LinkCurrent, link_current, magnetic_losses
 from sim.modulation import centre_offset, hybrid_edges
@@ -140,15 +140,19 @@ class _Station:
     converter: Converter
     points: Points
     edges: Array
+    swings: SwingCurves
     slow: _Slow
     warm: Regulated | None
 
     def take(self, chosen: NDArray[np.intp]) -> "_Station":
         """Some of the points."""
+        if chosen.size == len(self.points):  # all of them, in their order
+            return self
         return _Station(
             converter=pick(self.converter, chosen),
             points=self.points.take(chosen),
             edges=self.edges[:, chosen],
+            swings=self.swings.take(chosen),
             slow=pick(self.slow, chosen),
             warm=None if self.warm is None else self.warm.take(chosen),
         )
@@ -181,7 +185,7 @@ class _Station:
         return np.asarray(V1), _capacitor_V(self.converter, self.points)
 
     def _circuit(self) -> Circuit:
-        return build_circuit(self.converter, self.slow.temperatures, *self._voltages())
+        return build_circuit(self.converter, self.slow.temperatures, *self._voltages(), self.swings)
 
     def _account(self, circuit: Circuit, regulated: Regulated) -> OperatingState:
         (V1, V2), t = self._voltages(), self.slow.temperatures
@@ -241,6 +245,7 @@ def _start(converter: Converter, points: Points, warm: WarmStart | None) -> _Sta
         points=points,
         edges=hybrid_edges(-centre_offset(D1, D2), D1, D2)
         + late * converter.secondary_delay_s / converter.half_period_s,
+        swings=SwingCurves.of(converter, len(points)),
         slow=slow,
         warm=None if warm is None else warm.regulated,
     )

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.parameters import Converter, ParameterError, Quantity
+from sim.stacking import pick
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ class Points:
 
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """Some of the points."""
-        return type(self)(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+        return pick(self, chosen)
 
     @classmethod
     def join(cls, parts: "list[Points]") -> "Points":

@@ -1,12 +1,14 @@
 """Variants of one converter as one converter whose differing values are arrays."""
 
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass, replace
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
 from sim.parameters import Converter, ParameterError
+
+T = TypeVar("T")
 
 FIXED = {"frequency_Hz", "junction_V", "grading", "alpha", "beta", "area_m2", "volume_m3", "turns",
           "turns_ratio", "V1_V", "V2_V", "rated_power_W", "part", "name", "saturation_A", "synchronous", "modulation",
@@ -37,18 +39,29 @@ def _stack(objects: list[Any], repeats: int) -> Any:
             if field.name in FIXED:
                 raise ParameterError(f"variants differ in {type(first).__name__}.{field.name}: {set(values)}")
             changed[field.name] = np.repeat(np.array(values, dtype=float), repeats)
-    return replace(first, **changed)
+    return _with(first, changed)
 
 
-def pick(parameters: Any, chosen: np.ndarray[Any, Any]) -> Any:
-    """A stacked converter at some of its points."""
-    changed = {}
-    for field in fields(parameters):
+def pick(parameters: T, chosen: np.ndarray[Any, Any]) -> T:
+    """Stacked parameters at some of their points; a part without arrays is handed back as it is."""
+    changed: dict[str, Any] = {}
+    for field in fields(parameters):  # type: ignore[arg-type]
         value = getattr(parameters, field.name)
         if is_dataclass(value):
-            changed[field.name] = pick(value, chosen)
+            part = pick(value, chosen)
+            if part is not value:
+                changed[field.name] = part
         elif isinstance(value, np.ndarray):
             changed[field.name] = value[chosen]
-        elif isinstance(value, dict):
+        elif isinstance(value, dict) and any(isinstance(v, np.ndarray) for v in value.values()):
             changed[field.name] = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in value.items()}
-    return replace(parameters, **changed) if changed else parameters
+    return _with(parameters, changed) if changed else parameters
+
+
+def _with(parameters: T, changed: dict[str, Any]) -> T:
+    """A copy with other values; they stem from parameters that were checked, and are not checked again."""
+    copy = object.__new__(type(parameters))
+    for field in fields(parameters):  # type: ignore[arg-type]
+        value = changed[field.name] if field.name in changed else getattr(parameters, field.name)
+        object.__setattr__(copy, field.name, value)
+    return copy

@@ -35,4 +35,4 @@ class Seeds:
 
 
 TUNING = Seeds(first=100_000, said="tuning")
-SCORING = Seeds(first=200_000, said="scoring")
+SCORING = Seeds(first=500_000, said="scoring")

@@ -99,7 +99,7 @@ def failing_file(kind: str, file: Path, *, after: int, seed: int, points: int = 
 
 def stopped_server(cluster: Cluster, *, seed: int, points: int = 6) -> DatabaseReport:
     """A PostgreSQL server that stops in the middle of a run, and is started again."""
-    with Store(cluster.new_database()) as store:
+    with Store(cluster.new_schema()) as store:
         return _interrupted(
             "server stopped", store, cluster.start, seed=seed, points=points, at_row=(4, cluster.stop)
         )

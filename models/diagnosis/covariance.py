@@ -5,14 +5,12 @@ r"""What residuals do without any fault: noise, everyday spreads, the simulation
 with J the spreads' directions and A a smooth inaccuracy of the simulation per channel over (D1, D2, power).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
+from models.diagnosis.whitener import Covariance
 
 Array = NDArray[np.float64]
 
@@ -21,24 +19,6 @@ _LEAST_DUTY, _LEAST_SHARE = (
     0.05,
 )  # ranges of D1, D2 and power (of its largest) below which they count as one
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Whitener:
-    """A factored covariance: solves and its log-determinant."""
-
-    factor: tuple[Array, bool]
-    log_determinant: float
-
-    @classmethod
-    def of(cls, covariance: Array) -> "Whitener":
-        """Factor a covariance matrix (M, M)."""
-        factor = cho_factor(covariance, lower=True, check_finite=False)
-        return cls(factor=factor, log_determinant=2 * float(np.sum(np.log(np.diag(factor[0])))))
-
-    def solve(self, right: Array) -> Array:
-        """C^-1 right."""
-        return np.asarray(cho_solve(self.factor, right, check_finite=False))
 
 
 def length_scale(observations: Observations) -> Array:
@@ -62,11 +42,6 @@ def kernel(a: Array, b: Array) -> Array:
     return np.asarray(np.exp(-0.5 * np.maximum(distance2, 0.0)))
 
 
-def same_channel(observations: Observations) -> NDArray[np.bool_]:
-    """Pairs of readings of one channel, (M, M)."""
-    return np.asarray(observations.channel[:, None] == observations.channel[None, :])
-
-
 def accuracy_scale(observations: Observations, baseline: Array) -> Array:
     """The simulation's own accuracy for every reading, one sigma (M,)."""
     c = observations.channels
@@ -79,13 +54,14 @@ def accuracy_scale(observations: Observations, baseline: Array) -> Array:
     return np.asarray(np.hypot(fixed, share * loss))
 
 
-def covariance(observations: Observations, sigma: Array, known: Signatures) -> Array:
+def covariance(observations: Observations, sigma: Array, known: Signatures) -> Covariance:
     """The covariance (M, M) of readings with noise ``sigma`` (M,), with no effect and no leftover."""
-    place = locations(observations)[observations.row]
-    smooth = kernel(place, place) * same_channel(observations)
-    accuracy = accuracy_scale(observations, known.baseline)
-    return np.asarray(
-        np.diag(sigma**2 + known.input_sigma**2)
-        + known.spreads.T @ known.spreads
-        + accuracy[:, None] * accuracy[None, :] * smooth
-    )
+    place = locations(observations)
+    smooth, accuracy = kernel(place, place), accuracy_scale(observations, known.baseline)
+    noise2 = sigma**2 + known.input_sigma**2
+    of_channels = tuple(np.flatnonzero(observations.channel == k) for k in range(len(observations.channels)))
+    own = []
+    for readings in of_channels:
+        row, scale = observations.row[readings], accuracy[readings]
+        own.append(np.diag(noise2[readings]) + np.outer(scale, scale) * smooth[np.ix_(row, row)])
+    return Covariance(rows=of_channels, own=tuple(own), common=known.spreads)

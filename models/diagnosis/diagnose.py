@@ -13,7 +13,7 @@ from models.calibrated import CalibratedPhysics, calibrate
 from models.dataset import Measurements
 from models.diagnosis.bench_options import Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
-from models.diagnosis.gain import Gain, Readings, held_out_gain
+from models.diagnosis.gain import Gain, Readings, held_out_gains
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
@@ -57,7 +57,7 @@ class Diagnosis:
     noise: list[ChannelNoise]
     gap: dict[str, Any]
     share: dict[str, float]
-    gain: Gain | None
+    gains: tuple[Gain, ...]
     next: list[NextMeasurement]
     rivals: list[Rival]
     refinery: Refinery
@@ -102,13 +102,24 @@ class Diagnosis:
             "groups": [list(g) for g in v.groups],
             "unknown": {"probability": v.unknown_probability, "formula": None} | self._unexplained(),
             "next": [n.as_plain() for n in self.next],
-            "gain": None if self.gain is None else self.gain.as_plain(),
+            "gain": self._gain(),
             "model": model_file,
             "sight": [s.as_plain() for s in self.sight],
             "noise": {n.channel: n.as_plain() for n in self.noise},
             "rejected_rows": self.rejected,
             "rejected_columns": [c.as_plain() for c in self.rejected_columns],
         }
+
+    @property
+    def gain(self) -> Gain | None:
+        """The gain on held-out bands of power, where there is one."""
+        return self.gains[0] if self.gains else None
+
+    def _gain(self) -> dict[str, Any] | None:
+        if not self.gains:
+            return None
+        first, *also = (gain.as_plain() for gain in self.gains)
+        return first | {"also": also}
 
     def _unexplained(self) -> dict[str, Any]:
         u = self.unexplained
@@ -192,10 +203,10 @@ def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Fit:
     return next((h.fit for h in hypotheses if set(verdict.stated) <= set(h.fit.effects)), hypotheses[0].fit)
 
 
-def _gain(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> Gain | None:
-    """What the stated causes are worth on bands that were not fitted, next to the best without any of them."""
+def _gains(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> tuple[Gain, ...]:
+    """What the stated causes are worth on blocks that were not fitted, next to the best without any of them."""
     if not verdict.stated:
-        return None
+        return ()
     wrong = (h.fit for h in hypotheses if h.fit.terms and set(verdict.stated).isdisjoint(h.fit.effects))
     readings = Readings(
         observations=setting.refinery.observations,
@@ -203,7 +214,7 @@ def _gain(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed
         covariance=setting.covariance,
         leftover=setting.leftover_everywhere(),
     )
-    return held_out_gain(readings, _leading(hypotheses, verdict), next(wrong, None), seed)
+    return held_out_gains(readings, _leading(hypotheses, verdict), next(wrong, None), seed)
 
 
 def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
@@ -309,7 +320,7 @@ def diagnose(
         leftover=0.0 if nameless is None else nameless.size,
     )
     if verdict.stated:
-        progress("holding out bands of power")
+        progress("holding out blocks")
     chosen, rivals = _leading(hypotheses, verdict), rivals_of(hypotheses, refinery)
     return Diagnosis(
         verdict=verdict,
@@ -319,7 +330,7 @@ def diagnose(
         noise=noise,
         gap=_gap(observations, refinery.residual),
         share={c.effect: _share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
-        gain=_gain(setting, hypotheses, verdict, seed),
+        gains=_gains(setting, hypotheses, verdict, seed),
         next=next_measurements(observations, rivals, refinery=refinery),
         rivals=rivals,
         refinery=refinery,

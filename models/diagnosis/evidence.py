@@ -5,7 +5,7 @@ stands still. In the end every hypothesis is weighed again beside every leftover
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from models.diagnosis.hypotheses import Fit, Term, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery, hopeless
-from models.diagnosis.signatures import Signature
 
 Array = NDArray[np.float64]
 
@@ -63,8 +62,10 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     ]
     shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
     found: list[tuple[Fit, Leftover | None, float]] = []
-    for fit in fits:
-        seen, own = geometry.project(fit.vectors(refinery.residual)), fit.own(refinery.known)
+    fits = list(fits)
+    projected = geometry.project_all([fit.vectors(refinery.residual) for fit in fits])
+    for fit, seen in zip(fits, projected, strict=True):
+        own = fit.own(refinery.known)
         prior = log_prior(fit, catalogue)
         for leftover, share in shares:
             w = weigh(fit, seen, geometry, own, leftover)
@@ -84,7 +85,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
 def on_tangents(refinery: Refinery) -> list[Fit]:
     """Nothing and every effect alone on its tangent, without any simulation: a first look."""
     nothing = Fit.nothing(refinery.residual.size)
-    lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
+    lines = _best_variants(_screened(refinery, nothing))
     return [replace(nothing, log_evidence=refinery.weighed(nothing).log_evidence), *lines]
 
 
@@ -104,7 +105,7 @@ def search(refinery: Refinery) -> list[Fit]:
 def _alone(refinery: Refinery) -> list[Fit]:
     """Nothing, and every effect alone: all simulated once, those that lead to the end."""
     nothing = Fit.nothing(refinery.residual.size)
-    lines = _best_variants([_screened(refinery, nothing, s) for s in refinery.known.effects])
+    lines = _best_variants(_screened(refinery, nothing))
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
     nothing, *curves = refinery.simulated([nothing, *lines, *scans])
     curves, scans = curves[: len(lines)], curves[len(lines) :]
@@ -127,18 +128,23 @@ def _alone(refinery: Refinery) -> list[Fit]:
     return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])]
 
 
-def _screened(refinery: Refinery, nothing: Fit, signature: Signature) -> Fit:
-    """One effect at the best value of its line, about nothing's simulated state."""
-    term = Term(signature=signature, value=signature.entry.headline.off, sigma=np.inf, slope=signature.slope)
-    return _fitted_line(refinery, replace(nothing, terms=(term,)))
+def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:
+    """Every effect at the best value of its line, about nothing's simulated state."""
+    terms = [
+        Term(signature=s, value=s.entry.headline.off, sigma=np.inf, slope=s.slope)
+        for s in refinery.known.effects
+    ]
+    return _fitted_lines(refinery, [replace(nothing, terms=(term,)) for term in terms])
 
 
-def _fitted_line(refinery: Refinery, fit: Fit) -> Fit:
-    """A fit moved to the best values of its tangents, with its evidence there."""
-    weighed = refinery.weighed(fit)
-    reach = _REACH * np.array([t.head.prior for t in fit.terms])
-    moved = fit.moved(np.clip(weighed.step, -reach, reach))
-    return replace(moved, log_evidence=refinery.weighed(moved).log_evidence)
+def _fitted_lines(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
+    """Fits moved to the best values of their tangents, with their evidence there."""
+    moved = []
+    for fit, weighed in zip(fits, refinery.weighed_all(fits), strict=True):
+        reach = _REACH * np.array([t.head.prior for t in fit.terms])
+        moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
+    there = refinery.weighed_all(moved)
+    return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(moved, there, strict=True)]
 
 
 def _best_variants(fits: list[Fit]) -> list[Fit]:
@@ -195,10 +201,13 @@ def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], 
     candidates = (
         [] if len(base[0].terms) > 1 else _pairs_on_tangents(refinery, nothing, list(singles.values()))
     )
-    for fit in _sorted(base)[:_TO_EXTEND]:
-        for name, term in singles.items():
-            if name not in fit.effects:
-                candidates.append(_fitted_line(refinery, _with(fit, term)))
+    extended = [
+        _with(fit, term)
+        for fit in _sorted(base)[:_TO_EXTEND]
+        for name, term in singles.items()
+        if name not in fit.effects
+    ]
+    candidates += _fitted_lines(refinery, extended)
     candidates = _best(replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates)
     chosen = [f for f in candidates if log_probability(f) > leading - _IN_REACH][:most]
     if not chosen:
@@ -214,7 +223,8 @@ def _with(fit: Fit, term: Term) -> Fit:
 
 def _pairs_on_tangents(refinery: Refinery, nothing: Fit, terms: list[Term]) -> list[Fit]:
     """The best pairs of effects on straight lines from nothing's simulated state."""
-    seen = refinery.geometry.project(np.stack([*(t.slope for t in terms), refinery.residual - nothing.shift]))
+    vectors = np.stack([*(t.slope for t in terms), refinery.residual - nothing.shift])
+    (seen,) = refinery.geometry.project_all([vectors], basis=False)
     found = []
     for i, j in combinations(range(len(terms)), 2):
         chosen = [i, j, len(terms)]
@@ -229,4 +239,4 @@ def _pairs_on_tangents(refinery: Refinery, nothing: Fit, terms: list[Term]) -> l
         weighed = weigh(fit, part, refinery.geometry, fit.own(refinery.known))
         found.append((weighed.promised, fit))
     found.sort(key=lambda entry: -entry[0])
-    return [_fitted_line(refinery, fit) for _, fit in found[:_PAIRS]]
+    return _fitted_lines(refinery, [fit for _, fit in found[:_PAIRS]])

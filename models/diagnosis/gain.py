@@ -1,7 +1,8 @@
 """What an extension is worth: error on blocks that were not fitted, next to its rivals.
 
-Blocks are bands of power, so that nothing near a predicted point was fitted. In each fold the cause, the best
-wrong cause and a leftover alone are fitted to the other bands; errors are of efficiency at the measured points.
+Blocks are bands of power, regions of D1 and D2, or parts of the campaign's time, so that nothing near a predicted point
+was fitted. In each fold the cause, the best wrong cause and a leftover alone are fitted to the other blocks; errors are
+of efficiency at the measured points.
 """
 
 from dataclasses import dataclass
@@ -9,34 +10,36 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
+from models.diagnosis.whitener import Covariance, Whitener
 
 Array = NDArray[np.float64]
 
-_BANDS = 4
+_PARTS = 4  # of power, and of time
+_LEAST_DUTY = 0.02  # range of D1 or D2 below which it counts as one
 _RESAMPLES = 400
 _LEAST = 12  # readings below which blocks mean nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readings:
-    """What a gain is judged on: residuals (M,), their covariance and that of a leftover everywhere, (M, M)."""
+    """What a gain is judged on: residuals (M,), their covariance, and directions (q, M) of a leftover everywhere."""
 
     observations: Observations
     residual: Array
-    covariance: Array
+    covariance: Covariance
     leftover: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
-    """Mean absolute errors of efficiency on held-out bands; ``ci95`` of before minus after, paired bootstrap.
+    """Mean absolute errors of efficiency on held-out ``blocks``; ``ci95`` of before minus after, paired bootstrap.
 
     ``calibrated`` is that of the cause with all everyday spreads and the analyzer's errors fitted beside it.
     """
 
+    blocks: str
     before: float
     after: float
     ci95: tuple[float, float]
@@ -47,7 +50,7 @@ class Gain:
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
         return {
-            "blocks": "power band",
+            "blocks": self.blocks,
             "before": self.before,
             "after": self.after,
             "ci95": list(self.ci95),
@@ -70,40 +73,53 @@ def _refitted(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bo
     return np.asarray(fit.shift + step @ slopes)
 
 
-def _leftover_on(leftover: Array, covariance: Array, residual: Array, rows: NDArray[np.bool_]) -> Array:
-    """A leftover of this covariance fitted on some readings, at all readings."""
-    inside = np.ix_(rows, rows)
-    return np.asarray(
-        leftover[:, rows] @ Whitener.of(covariance[inside] + leftover[inside]).solve(residual[rows])
-    )
+def _leftover_on(readings: Readings, rows: NDArray[np.bool_]) -> Array:
+    """A leftover in these directions fitted on some readings, at all readings."""
+    leftover = readings.leftover
+    whitener = Whitener.of(readings.covariance.take(np.flatnonzero(rows)).beside(leftover[:, rows]))
+    return np.asarray(leftover.T @ (leftover[:, rows] @ whitener.solve(readings.residual[rows])))
 
 
-def held_out_gain(readings: Readings, cause: Fit, rival: Fit | None, seed: int) -> Gain | None:
-    """The gain of a cause over bands of power, or None with too few readings."""
-    observations, covariance = readings.observations, readings.covariance
-    residual = readings.residual
-    power = np.asarray(observations.points.power_W)[observations.row]
-    judged = observations.of("efficiency") & observations.loaded[observations.row]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Blocks:
+    """One kind of blocks: in which of them every reading lies, (M,), and which readings are judged, (M,)."""
+
+    name: str
+    place: NDArray[np.intp]
+    judged: NDArray[np.bool_]
+
+
+def held_out_gains(readings: Readings, cause: Fit, rival: Fit | None, seed: int) -> tuple[Gain, ...]:
+    """The gain of a cause over every kind of blocks there is, bands of power first; none with too few readings."""
+    return tuple(_over(blocks, readings, (cause, rival), seed) for blocks in _kinds(readings.observations))
+
+
+def _kinds(observations: Observations) -> list[_Blocks]:
+    p, row = observations.points, observations.row
+    judged = observations.of("efficiency") & observations.loaded[row]
     if judged.sum() < _LEAST:
-        return None
-    edges = np.quantile(power[judged], np.linspace(0, 1, _BANDS + 1)[1:-1])
-    band = np.searchsorted(edges, power)
-    error = {
-        name: np.full(residual.size, np.nan)
-        for name in ("before", "after", "wrong", "leftover", "calibrated")
-    }
-    for k in range(_BANDS):
-        rows, out = band != k, (band == k) & judged
-        whitener = Whitener.of(covariance[np.ix_(rows, rows)])
-        error["before"][out] = residual[out]
-        left = residual - _refitted(cause, residual, whitener, rows)
-        error["after"][out] = left[out]
-        # noise is on the diagonal: between bands, the covariance is that of spreads and smooth inaccuracy
-        error["calibrated"][out] = left[out] - covariance[np.ix_(out, rows)] @ whitener.solve(left[rows])
-        if rival is not None:
-            error["wrong"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
-        error["leftover"][out] = (residual - _leftover_on(readings.leftover, covariance, residual, rows))[out]
+        return []
+
+    def parts(values: Array, count: int) -> NDArray[np.intp]:
+        edges = np.quantile(values[row][judged], np.linspace(0, 1, count + 1)[1:-1])
+        return np.searchsorted(edges, values[row])
+
+    found = {"power band": parts(np.asarray(p.power_W), _PARTS)}
+    duties = [d for d in (np.asarray(p.D1), np.asarray(p.D2)) if np.ptp(d[row][judged]) > _LEAST_DUTY]
+    if duties:
+        found["region of D1 and D2"] = np.asarray(sum(parts(duty, 2) << k for k, duty in enumerate(duties)))
+    time_s = np.asarray(p.time_s)
+    if np.ptp(time_s[row][judged]) > 0:
+        found["quarter of the time"] = parts(time_s, _PARTS)
+    return [_Blocks(name=name, place=place, judged=judged) for name, place in found.items()]
+
+
+def _over(blocks: _Blocks, readings: Readings, rivals: tuple[Fit, Fit | None], seed: int) -> Gain:
+    """The gain over one kind of blocks."""
+    observations, judged = readings.observations, blocks.judged
+    error = _held_out_errors(blocks, readings, *rivals) | {"before": readings.residual}
     # d(efficiency) = - efficiency * d(input power) / input power
+    power = np.asarray(observations.points.power_W)[observations.row]
     scale = power[judged] / observations.value[judged] ** 2
     size = {name: np.abs(e[judged]) * scale for name, e in error.items()}
     rng = np.random.default_rng(seed)
@@ -111,10 +127,31 @@ def held_out_gain(readings: Readings, cause: Fit, rival: Fit | None, seed: int) 
     better = np.mean((size["before"] - size["after"])[picks], axis=1)
     low, high = np.quantile(better, [0.025, 0.975])
     return Gain(
+        blocks=blocks.name,
         before=float(np.mean(size["before"])),
         after=float(np.mean(size["after"])),
         ci95=(float(low), float(high)),
-        wrong_cause=None if rival is None else float(np.mean(size["wrong"])),
+        wrong_cause=float(np.mean(size["wrong"])) if "wrong" in size else None,
         leftover_only=float(np.mean(size["leftover"])),
         calibrated=float(np.mean(size["calibrated"])),
     )
+
+
+def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit | None) -> dict[str, Array]:
+    """What each explanation, fitted to the other blocks, leaves of the judged readings, (M,) by name."""
+    residual, covariance = readings.residual, readings.covariance
+    names = ("after", "leftover", "calibrated", *(("wrong",) if rival else ()))
+    error = {name: np.full(residual.size, np.nan) for name in names}
+    for block in np.unique(blocks.place[blocks.judged]):
+        rows, out = blocks.place != block, (blocks.place == block) & blocks.judged
+        whitener = Whitener.of(covariance.take(np.flatnonzero(rows)))
+        left = residual - _refitted(cause, residual, whitener, rows)
+        error["after"][out] = left[out]
+        # noise is on the diagonal: between blocks, the covariance is that of spreads and smooth inaccuracy
+        pulled = np.zeros_like(residual)
+        pulled[rows] = whitener.solve(left[rows])
+        error["calibrated"][out] = left[out] - covariance.times(pulled)[out]
+        if rival is not None:
+            error["wrong"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
+        error["leftover"][out] = (residual - _leftover_on(readings, rows))[out]
+    return error

@@ -8,15 +8,17 @@ directions: it takes the everyday spread of the parameters that it explains out 
 so that Woodbury's identity gives :math:`A^T C'^{-1} A` and :math:`\ln\det C'` from inner products under C alone.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.leftover import Leftover, Leftovers
+from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -71,11 +73,25 @@ class Geometry:
 
     def project(self, vectors: Array) -> Projection:
         """Products of vectors (k, M)."""
-        return Projection(
-            each_other=vectors @ self.whitener.solve(vectors.T),
-            on_spreads=self.spreads_solved @ vectors.T,
-            on_basis=self.basis_solved @ vectors.T,
-        )
+        return self.project_all([vectors])[0]
+
+    def project_all(self, groups: Sequence[Array], *, basis: bool = True) -> list[Projection]:
+        """Products of vectors (k, M), group by group; with no leftover in question they need no ``basis``."""
+        if not groups:
+            return []
+        vectors = np.concatenate(list(groups))
+        solved = self.whitener.solve(vectors.T)
+        on_spreads = self.spreads_solved @ vectors.T
+        on_basis = self.leftovers.basis @ solved if basis else np.empty((0, len(vectors)))
+        ends = np.cumsum([0, *map(len, groups)]).tolist()
+        return [
+            Projection(
+                each_other=vectors[a:b] @ solved[:, a:b],
+                on_spreads=on_spreads[:, a:b],
+                on_basis=on_basis[:, a:b],
+            )
+            for a, b in pairwise(ends)
+        ]
 
     def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
         """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
-from models.diagnosis.leftover import Leftover
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
@@ -41,10 +40,16 @@ class Refinery:
         """Readings less the baseline's prediction, (M,)."""
         return self.observations.value - self.known.baseline
 
-    def weighed(self, fit: Fit, leftover: Leftover | None = None) -> Weighed:
+    def weighed(self, fit: Fit) -> Weighed:
         """The evidence of a fit as it stands."""
-        seen = self.geometry.project(fit.vectors(self.residual))
-        return weigh(fit, seen, self.geometry, fit.own(self.known), leftover)
+        return self.weighed_all([fit])[0]
+
+    def weighed_all(self, fits: Sequence[Fit]) -> list[Weighed]:
+        """The evidence of every fit as it stands, in one look at the readings."""
+        seen = self.geometry.project_all([fit.vectors(self.residual) for fit in fits], basis=False)
+        return [
+            weigh(fit, part, self.geometry, fit.own(self.known)) for fit, part in zip(fits, seen, strict=True)
+        ]
 
     def spreads(self, fit: Fit) -> Array:
         """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
@@ -77,10 +82,9 @@ class Refinery:
         seen = []
         for fit, state, here in zip(fits, states, self.observations.simulate(models, self.near), strict=True):
             shift = here - state @ self.known.spreads[: state.size] - self.known.baseline
-            shift = np.where(np.isfinite(shift), shift, fit.shift)
-            fit = replace(fit, shift=shift)
-            seen.append(replace(fit, log_evidence=self.weighed(fit).log_evidence))
-        return seen
+            seen.append(replace(fit, shift=np.where(np.isfinite(shift), shift, fit.shift)))
+        weighed = self.weighed_all(seen)
+        return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(seen, weighed, strict=True)]
 
     def followed(self, fits: Iterable[Fit], leader: float = -np.inf) -> list[Fit]:
         """Newton's steps from simulated fits until all stand still, each to its best state.
@@ -94,9 +98,10 @@ class Refinery:
             if not ahead:
                 break
             going = []
-            for aimed, fit in zip(ahead, self.simulated(ahead), strict=True):
+            before = self.weighed_all([best[_key(fit)] for fit in ahead])
+            for aimed, fit, there in zip(ahead, self.simulated(ahead), before, strict=True):
                 known = best[_key(fit)]
-                fit = _taught(fit, known, aimed, self.weighed(known).sigma)
+                fit = _taught(fit, known, aimed, there.sigma)
                 if fit.log_evidence > known.log_evidence:
                     best[_key(fit)] = fit
                     going += self._onward([fit], leader)
@@ -111,8 +116,7 @@ class Refinery:
     def _onward(self, fits: list[Fit], leader: float) -> list[Fit]:
         """The fits that have a step to go, moved by it."""
         moved = []
-        for fit in fits:
-            weighed = self.weighed(fit)
+        for fit, weighed in zip(fits, self.weighed_all(fits), strict=True):
             if fit.log_evidence < hopeless(leader) or np.all(np.abs(weighed.step) <= _STILL * weighed.sigma):
                 continue
             reach = _REACH * np.array([t.head.prior for t in fit.terms])

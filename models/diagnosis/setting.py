@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Whitener, covariance
+from models.diagnosis.covariance import covariance
 from models.diagnosis.evidence import on_tangents, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.leftover import Leftovers, leftovers
@@ -13,6 +13,7 @@ from models.diagnosis.noise import ChannelNoise, corrected, sigma_of
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures
+from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
 
 Array = NDArray[np.float64]
@@ -26,22 +27,21 @@ _SEED = 0  # of the probes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """Noise (M,) and covariance (M, M) of the readings, and the refinery that works with them.
+    """Noise (M,) and covariance of the readings, and the refinery that works with them.
 
     ``far_off`` (M,) is how many of its channel's sigmas a reading lies from what explains the others.
     """
 
     sigma: Array
     far_off: Array
-    covariance: Array
+    covariance: Covariance
     refinery: Refinery
 
     def leftover_everywhere(self) -> Array:
-        """Covariance (M, M) of the largest leftover that is thought possible in all channels."""
+        """Directions (q, M) of the largest leftover that is thought possible in all channels."""
         known = self.refinery.geometry.leftovers
         widest = max(known.configurations, key=lambda c: (c.columns.size, c.amplitude_W))
-        columns = widest.amplitude_W * known.basis[widest.columns]
-        return np.asarray(columns.T @ columns)
+        return np.asarray(widest.amplitude_W * known.basis[widest.columns])
 
 
 def set_up(
@@ -68,10 +68,10 @@ def set_up(
 def _setting(
     observations: Observations, baseline: Model, known: Signatures, sigma: Array, rivals: Leftovers
 ) -> Setting:
-    matrix = covariance(observations, sigma, known)
-    geometry = Geometry.of(Whitener.of(matrix), known.spreads, rivals)
+    parts = covariance(observations, sigma, known)
+    geometry = Geometry.of(Whitener.of(parts), known.spreads, rivals)
     refinery = Refinery(known=known, observations=observations, baseline=baseline, geometry=geometry)
-    return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=matrix, refinery=refinery)
+    return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery)
 
 
 def _left_out(setting: Setting) -> Array:

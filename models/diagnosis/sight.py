@@ -49,7 +49,7 @@ def sight(refinery: Refinery) -> list[Sight]:
         if s.effect not in clearest or length > clearest[s.effect][1]:
             clearest[s.effect] = (s, length, scaled)
     names = list(clearest)
-    apart = _isolability(np.stack([scaled for _, _, scaled in clearest.values()]), refinery)
+    apart = _isolability([(s, scaled) for s, _, scaled in clearest.values()], refinery)
     found = []
     for k, name in enumerate(names):
         signature, length, _ = clearest[name]
@@ -61,8 +61,13 @@ def sight(refinery: Refinery) -> list[Sight]:
     return found
 
 
-def _isolability(shifts: Array, refinery: Refinery) -> Array:
-    """Sigmas of each shift (E, M) that each other one cannot imitate, (E, E)."""
-    products = refinery.geometry.project(shifts).each_other
-    length2 = np.maximum(np.diag(products), 1e-300)
-    return np.asarray(np.sqrt(np.maximum(length2[:, None] - products**2 / length2, 0.0)))
+def _isolability(clearest: list[tuple[Signature, Array]], refinery: Refinery) -> Array:
+    """Sigmas of each effect's shift (M,) that each other one cannot imitate, (E, E); its own spread is part of it."""
+    geometry, known = refinery.geometry, refinery.known
+    seen = geometry.project(np.stack([scaled for _, scaled in clearest]))
+    apart = np.empty((len(clearest), len(clearest)))
+    for k, (signature, _) in enumerate(clearest):
+        products, _ = geometry.products(seen, known.own_spreads(signature.effect))
+        length2 = np.maximum(np.diag(products), 1e-300)
+        apart[k] = np.sqrt(np.maximum(length2[k] - products[k] ** 2 / length2, 0.0))
+    return apart

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit, Term
+from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,6 @@ from tests.bench.fake_bench import (
     FakeInstruments,
     bench_config,
     campaign_config,
-    memory,
     predict,
 )
 
@@ -39,8 +38,8 @@ def last_state(store: Store) -> str:
     return str(store.campaigns()[-1]["state"])
 
 
-def test_runs_every_row_and_leaves_the_bench_off() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_runs_every_row_and_leaves_the_bench_off(store: Store) -> None:
+    fake = FakeInstruments()
     outcome = run(fake, store)
     assert (outcome.accepted, outcome.rejected) == (11, 0)  # 1 standby, 1 no load, 3 references, 6 points
     assert outcome.settled == 11
@@ -48,8 +47,8 @@ def test_runs_every_row_and_leaves_the_bench_off() -> None:
     assert last_state(store) == State.DONE
 
 
-def test_table_holds_what_was_measured() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_table_holds_what_was_measured(store: Store) -> None:
+    fake = FakeInstruments()
     table = store.measurement_table(run(fake, store).campaign_id)
     assert list(table["kind"][:3]) == ["standby", "no_load", "reference"]
     loaded = table[table["kind"].isin(["load", "reference"])]
@@ -59,8 +58,8 @@ def test_table_holds_what_was_measured() -> None:
     assert (table["time_s"].diff().dropna() > 0).all()
 
 
-def test_prediction_is_stored_before_the_point_is_set() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_prediction_is_stored_before_the_point_is_set(store: Store) -> None:
+    fake = FakeInstruments()
     seen: list[list[str]] = []
     real = fake.set_modulation
     fake.set_modulation = lambda D1, D2: (seen.append(events_of(store)), real(D1, D2))[1]  # type: ignore[method-assign]
@@ -73,15 +72,14 @@ def events_of(store: Store) -> list[str]:
     return [str(event["event"]) for event in store.events(1)]
 
 
-def test_every_step_of_a_point_is_stored_in_order() -> None:
-    store = memory()
+def test_every_step_of_a_point_is_stored_in_order(store: Store) -> None:
     run(FakeInstruments(), store)
     steps = [event["event"] for event in store.events(1) if event["point_id"] == 4]
     assert steps == ["set", "settled", "measured", "accepted"]
 
 
-def test_power_changes_only_at_the_modulation_that_carries_all() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_power_changes_only_at_the_modulation_that_carries_all(store: Store) -> None:
+    fake = FakeInstruments()
     points = [{"D1": 0.9, "D2": 0.1, "power_W": power} for power in (500, 1500, 300)]
     plan = {"kind": "points", "set_points": points, "order": "given", "standby": 0, "no_load": 0}
     run(fake, store, job(plan=plan))
@@ -91,20 +89,20 @@ def test_power_changes_only_at_the_modulation_that_carries_all() -> None:
     assert switched == [*one, *two, *three]
 
 
-def test_the_heartbeat_never_pauses_longer_than_a_beat_and_an_update() -> None:
+def test_the_heartbeat_never_pauses_longer_than_a_beat_and_an_update(store: Store) -> None:
     fake = FakeInstruments()
     slow = {
         "window_s": 45,
         "sample_every_s": 15,
         "limit_s": 300,
     }  # far more than a beat from sample to sample
-    run(fake, memory(), job(settling=slow))
+    run(fake, store, job(settling=slow))
     assert 0 < fake.longest_silence_s <= 2.0 + 0.5  # heartbeat_s and update_s of the fake bench
 
 
 @pytest.mark.parametrize("call", ["read", "beat", "modulation", "load on", "supply on", "PWM on"])
-def test_a_lost_link_anywhere_ends_with_the_bench_off(call: str) -> None:
-    fake, store = FakeInstruments(broken={call}), memory()
+def test_a_lost_link_anywhere_ends_with_the_bench_off(store: Store, call: str) -> None:
+    fake = FakeInstruments(broken={call})
     with pytest.raises(LinkLost):
         run(fake, store)
     assert fake.off
@@ -112,8 +110,8 @@ def test_a_lost_link_anywhere_ends_with_the_bench_off(call: str) -> None:
     assert "unplugged" in store.campaign(1)["error"]
 
 
-def test_a_step_of_the_power_off_that_fails_does_not_stop_the_next() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_step_of_the_power_off_that_fails_does_not_stop_the_next(store: Store) -> None:
+    fake = FakeInstruments()
     watch = lambda progress: fake.broken.update({"read", "load off"}) if progress.done == 4 else None  # noqa: E731
     with pytest.raises(BenchUnsafe, match="load NOT confirmed off"):
         run(fake, store, progress=watch)
@@ -122,14 +120,14 @@ def test_a_step_of_the_power_off_that_fails_does_not_stop_the_next() -> None:
     assert last_state(store) == State.UNSAFE
 
 
-def test_power_goes_off_as_pwm_load_supply() -> None:
+def test_power_goes_off_as_pwm_load_supply(store: Store) -> None:
     fake = FakeInstruments()
-    run(fake, memory())
+    run(fake, store)
     assert [what for what in fake.done if what.endswith("off")][-3:] == ["PWM off", "load off", "supply off"]
 
 
-def test_a_reported_fault_stops_the_campaign() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_reported_fault_stops_the_campaign(store: Store) -> None:
+    fake = FakeInstruments()
 
     def watch(progress: Progress) -> None:
         if progress.done == 5:
@@ -140,8 +138,8 @@ def test_a_reported_fault_stops_the_campaign() -> None:
     assert fake.off
 
 
-def test_a_pwm_that_trips_by_itself_stops_the_campaign() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_pwm_that_trips_by_itself_stops_the_campaign(store: Store) -> None:
+    fake = FakeInstruments()
 
     def watch(progress: Progress) -> None:
         if progress.done == 5:
@@ -152,16 +150,16 @@ def test_a_pwm_that_trips_by_itself_stops_the_campaign() -> None:
     assert fake.off
 
 
-def test_abort_from_another_process_switches_off() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_abort_from_another_process_switches_off(store: Store) -> None:
+    fake = FakeInstruments()
     with pytest.raises(Aborted):
         run(fake, store, progress=lambda progress: store.ask(1, "abort") if progress.done == 4 else None)
     assert fake.off
     assert last_state(store) == State.ABORTED
 
 
-def test_ctrl_c_switches_off_and_is_recorded() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_ctrl_c_switches_off_and_is_recorded(store: Store) -> None:
+    fake = FakeInstruments()
 
     def interrupt(progress: Progress) -> None:
         if progress.done == 4:
@@ -173,8 +171,8 @@ def test_ctrl_c_switches_off_and_is_recorded() -> None:
     assert last_state(store) == State.ABORTED
 
 
-def test_pause_switches_off_and_resume_goes_on() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_pause_switches_off_and_resume_goes_on(store: Store) -> None:
+    fake = FakeInstruments()
     off_while_paused = []
 
     def watch(progress: Progress) -> None:
@@ -189,8 +187,8 @@ def test_pause_switches_off_and_resume_goes_on() -> None:
     assert outcome.accepted == 11
 
 
-def test_a_fault_found_by_the_check_ends_before_anything_is_switched_on() -> None:
-    fake, store = FakeInstruments(supply_on=True), memory()
+def test_a_fault_found_by_the_check_ends_before_anything_is_switched_on(store: Store) -> None:
+    fake = FakeInstruments(supply_on=True)
     connect = lambda config, _clock: nullcontext(fake.bench(config, ["supply: its output is on"]))  # noqa: E731
     with pytest.raises(BenchFaults, match="its output is on"):
         run_campaign(job(), store, fake.clock, around=Surroundings(connect=connect))
@@ -198,8 +196,8 @@ def test_a_fault_found_by_the_check_ends_before_anything_is_switched_on() -> Non
     assert "supply on" not in fake.done
 
 
-def test_a_row_off_its_set_point_is_rejected_with_the_reason() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_row_off_its_set_point_is_rejected_with_the_reason(store: Store) -> None:
+    fake = FakeInstruments()
     measure = {"samples": 4, "voltage_tolerance": 1e-9}
     outcome = run(fake, store, job(measure=measure))
     assert outcome.accepted == 1  # standby has no output voltage to hold
@@ -207,15 +205,15 @@ def test_a_row_off_its_set_point_is_rejected_with_the_reason() -> None:
     assert len(store.measurement_table(1)) == 1
 
 
-def test_a_point_that_does_not_settle_is_measured_and_says_so() -> None:
-    fake, store = FakeInstruments(noise=0.01), memory()
+def test_a_point_that_does_not_settle_is_measured_and_says_so(store: Store) -> None:
+    fake = FakeInstruments(noise=0.01)
     run(fake, store, job(settling={"window_s": 6, "sample_every_s": 2, "limit_s": 20}))
     table = store.measurement_table(1)
     assert not table.loc[table["kind"] == "load", "settled"].any()
 
 
-def test_start_at_is_waited_for_on_the_clock() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_start_at_is_waited_for_on_the_clock(store: Store) -> None:
+    fake = FakeInstruments()
     today = lambda: datetime(2026, 12, 1, 21, 0, 0)  # noqa: E731
     a_job = job(schedule={"start_at": datetime(2026, 12, 1, 22, 0, 0)})
     run_campaign(a_job, store, fake.clock, around=fake.around(today))
@@ -223,8 +221,8 @@ def test_start_at_is_waited_for_on_the_clock() -> None:
     assert first["time_s"] == pytest.approx(3600.0)  # one hour, on a clock that only steps
 
 
-def test_a_point_out_of_reach_costs_that_point_only() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_a_point_out_of_reach_costs_that_point_only(store: Store) -> None:
+    fake = FakeInstruments()
 
     def lose(progress: Progress) -> None:
         if progress.done == 5 and not progress.said:
@@ -238,8 +236,8 @@ def test_a_point_out_of_reach_costs_that_point_only() -> None:
     assert fake.done.count("supply on") == 2
 
 
-def test_points_out_of_reach_one_after_the_other_end_the_campaign() -> None:
-    fake, store = FakeInstruments(), memory()
+def test_points_out_of_reach_one_after_the_other_end_the_campaign(store: Store) -> None:
+    fake = FakeInstruments()
 
     def lose(progress: Progress) -> None:
         if progress.done >= 5:
@@ -250,17 +248,16 @@ def test_points_out_of_reach_one_after_the_other_end_the_campaign() -> None:
     assert fake.off
 
 
-def test_progress_carries_the_residual() -> None:
+def test_progress_carries_the_residual(store: Store) -> None:
     told: list[Progress] = []
-    run(FakeInstruments(), memory(), progress=told.append)
+    run(FakeInstruments(), store, progress=told.append)
     last = told[-1]
     assert last.residual == pytest.approx(last.measured - SIMULATED)  # type: ignore[operator]
     assert last.mean_residual is not None
     assert last.left_s == 0
 
 
-def test_provenance_is_kept() -> None:
-    store = memory()
+def test_provenance_is_kept(store: Store) -> None:
     run(FakeInstruments(), store)
     row = store.campaign(1)
     assert row["virtual"] is True
@@ -275,8 +272,10 @@ def test_the_transition_table_is_closed_and_ends_are_final() -> None:
         check_transition(State.DONE, State.RUNNING)
 
 
-def test_a_signal_in_the_middle_of_the_power_off_begins_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    fake, store, real, calls = FakeInstruments(), memory(), Bench.power_off, []
+def test_a_signal_in_the_middle_of_the_power_off_begins_it_again(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake, real, calls = FakeInstruments(), Bench.power_off, []
 
     def interrupted(bench: Bench) -> PowerOffReport:
         calls.append("power off")
@@ -291,8 +290,8 @@ def test_a_signal_in_the_middle_of_the_power_off_begins_it_again(monkeypatch: py
     assert last_state(store) == State.DONE
 
 
-def test_off_at_the_second_go_is_no_unsafe_bench(monkeypatch: pytest.MonkeyPatch) -> None:
-    fake, store, real, reports = FakeInstruments(), memory(), Bench.power_off, []
+def test_off_at_the_second_go_is_no_unsafe_bench(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake, real, reports = FakeInstruments(), Bench.power_off, []
     unseen = PowerOffReport(steps=(StepReport(step="load", confirmed=False, said="NOT confirmed off"),))
 
     def first_unseen(bench: Bench) -> PowerOffReport:

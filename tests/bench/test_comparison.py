@@ -1,7 +1,5 @@
 """Two campaigns at the set points that both measured."""
 
-from collections.abc import Iterator
-
 import pandas as pd
 import pytest
 
@@ -10,12 +8,6 @@ from bench.errors import StateError
 from bench.store import Provenance, Store
 
 SET_POINTS = {"D1": [0.8, 0.9, 0.7], "D2": [0.1, 0.0, 0.2], "P_set_W": [500.0, 800.0, 300.0]}
-
-
-@pytest.fixture
-def store() -> Iterator[Store]:
-    with Store("sqlite://") as opened:
-        yield opened
 
 
 def campaign(store: Store, efficiency: list[float], rows: slice = slice(None), **settings: object) -> int:

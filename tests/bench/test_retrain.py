@@ -1,6 +1,5 @@
 """Retraining: judged on blocks that nobody saw, promoted or kept out with the reason, back to the rows."""
 
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -135,12 +134,6 @@ def test_too_few_rows_wait(tmp_path: Path) -> None:
 # --- from the database ----------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with Store(f"sqlite:///{tmp_path}/x.sqlite") as opened:
-        yield opened
-
-
 def imported(store: Store, table: pd.DataFrame) -> int:
     return store.import_table("theirs", table, Provenance(config={}, config_hash="0", virtual=True))
 
@@ -156,7 +149,7 @@ def test_an_entry_leads_back_to_its_measurements_or_says_that_they_are_gone(
     note_in_store(store, data, result)
     assert store.models(campaign)[0]["detail"]["decision"] == "promoted"
     file, lut = result.files[0], read_lut(result.files[0])
-    told = trace_entry(file, lut, 610.0, registry=made.registry, db=f"sqlite:///{tmp_path}/x.sqlite")
+    told = trace_entry(file, lut, 610.0, registry=made.registry, db=store.url)
     assert told.virtual
     assert "600 W" in told.lines[0]
     nearest = [line for line in told.lines if line.startswith("near it: campaign")]

@@ -49,7 +49,7 @@ def test_killed_at_seeded_places_it_ends_as_if_nobody_had() -> None:
 
 def test_killed_at_any_instant_on_postgresql_it_ends_as_if_nobody_had(cluster: Cluster) -> None:
     reference = undisturbed(2, 22)
-    report = kill_at_any_instant(3, reference, url=cluster.new_database(), points=2, seed=22)
+    report = kill_at_any_instant(3, reference, url=cluster.new_schema(), points=2, seed=22)
     assert report.good, report
 
 
@@ -93,7 +93,7 @@ def test_a_server_that_stops_does_too(cluster: Cluster) -> None:
 
 
 def test_four_benches_write_one_server_at_once(cluster: Cluster) -> None:
-    report = benches_at_once(cluster.new_database(), benches=4, points=2)
+    report = benches_at_once(cluster.new_schema(), benches=4, points=2)
     assert (report.done, report.rows) == (4, report.wanted)
     assert report.reads > 0
 

@@ -1,6 +1,5 @@
 """What is seen, from what is stored: words and levels, no browser."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -12,12 +11,6 @@ from bench.dashboard.watcher import Feed, Watcher
 from bench.states import State
 from bench.store import Store
 from tests.bench.dashboard.stored import BENCH, measure, moment_of, running_campaign
-
-
-@pytest.fixture
-def store() -> Iterator[Store]:
-    with Store("sqlite://") as opened:
-        yield opened
 
 
 def seen(store: Store, campaign: int) -> tuple[Watcher, Feed]:

@@ -21,54 +21,50 @@ class Clock:
         return self.now_s
 
 
-def test_each_judged_row_is_read_once_and_in_order() -> None:
-    with Store("sqlite://") as store:
-        campaign = running_campaign(store, 5)
-        watcher = Watcher(store, now_s=Clock())
-        watcher.look()
-        for number in range(5):
-            measure(store, campaign, [number])
-            watcher.look()
-            feed = watcher.feed(campaign)
-            assert feed is not None
-            assert feed.rows.P_set_W.tolist() == [300.0 + 200.0 * k for k in range(number + 1)]
-
-
-def test_nothing_new_is_the_same_object() -> None:
-    with Store("sqlite://") as store:
-        campaign = running_campaign(store)
-        watcher = Watcher(store, now_s=Clock())
-        watcher.look()
-        watcher.feed(campaign)
-        watcher.look()
-        first = watcher.feed(campaign)
-        watcher.look()
-        assert watcher.feed(campaign) is first
-
-
-def test_imported_measurements_are_rows_like_others() -> None:
-    with Store("sqlite://") as store:
-        campaign = store.import_table("theirs", TABLE, Provenance(config={}, config_hash="0", virtual=False))
-        watcher = Watcher(store, now_s=Clock())
+def test_each_judged_row_is_read_once_and_in_order(store: Store) -> None:
+    campaign = running_campaign(store, 5)
+    watcher = Watcher(store, now_s=Clock())
+    watcher.look()
+    for number in range(5):
+        measure(store, campaign, [number])
         watcher.look()
         feed = watcher.feed(campaign)
         assert feed is not None
-        assert feed.rows.efficiency.tolist() == [0.97, 0.98]
+        assert feed.rows.P_set_W.tolist() == [300.0 + 200.0 * k for k in range(number + 1)]
 
 
-def test_a_campaign_that_nobody_looks_at_is_forgotten() -> None:
-    with Store("sqlite://") as store:
-        campaign, clock = running_campaign(store), Clock()
-        store.import_table("newest", TABLE, Provenance(config={}, config_hash="0", virtual=True))
-        store.end(campaign, State.DONE, power_off="all off")
-        watcher = Watcher(store, now_s=clock)
-        watcher.look()
-        assert watcher.feed(campaign) is None  # asked for: read at the next look
-        watcher.look()
-        assert watcher.feed(campaign) is not None
-        clock.now_s = FORGET_S + 1
-        watcher.look()
-        assert watcher.feed(campaign) is None
+def test_nothing_new_is_the_same_object(store: Store) -> None:
+    campaign = running_campaign(store)
+    watcher = Watcher(store, now_s=Clock())
+    watcher.look()
+    watcher.feed(campaign)
+    watcher.look()
+    first = watcher.feed(campaign)
+    watcher.look()
+    assert watcher.feed(campaign) is first
+
+
+def test_imported_measurements_are_rows_like_others(store: Store) -> None:
+    campaign = store.import_table("theirs", TABLE, Provenance(config={}, config_hash="0", virtual=False))
+    watcher = Watcher(store, now_s=Clock())
+    watcher.look()
+    feed = watcher.feed(campaign)
+    assert feed is not None
+    assert feed.rows.efficiency.tolist() == [0.97, 0.98]
+
+
+def test_a_campaign_that_nobody_looks_at_is_forgotten(store: Store) -> None:
+    campaign, clock = running_campaign(store), Clock()
+    store.import_table("newest", TABLE, Provenance(config={}, config_hash="0", virtual=True))
+    store.end(campaign, State.DONE, power_off="all off")
+    watcher = Watcher(store, now_s=clock)
+    watcher.look()
+    assert watcher.feed(campaign) is None  # asked for: read at the next look
+    watcher.look()
+    assert watcher.feed(campaign) is not None
+    clock.now_s = FORGET_S + 1
+    watcher.look()
+    assert watcher.feed(campaign) is None
 
 
 def test_a_database_that_is_gone_is_said_and_what_was_known_stays(tmp_path: Path) -> None:

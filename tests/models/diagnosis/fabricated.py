@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.leftover import AMPLITUDES_W, Leftover, Leftovers
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature, Signatures
+from models.diagnosis.whitener import Whitener
 from sim.model import Model
 from sim.prototype import prototype
 

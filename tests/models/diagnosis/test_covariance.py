@@ -1,27 +1,8 @@
 """The covariance's building blocks against numpy, and what they must be."""
 
 import numpy as np
-import pytest
 
-from models.diagnosis.covariance import Whitener, kernel
-
-
-def random_covariance(size: int) -> np.ndarray:
-    root = np.random.default_rng(1).standard_normal((size, size))
-    return root @ root.T + size * np.eye(size)
-
-
-def test_whitener_solves_as_numpy_does() -> None:
-    covariance, right = random_covariance(12), np.random.default_rng(2).standard_normal((12, 3))
-    solved = Whitener.of(covariance).solve(right)
-    np.testing.assert_allclose(solved, np.linalg.solve(covariance, right), rtol=1e-10)  # condition below 100
-
-
-def test_whitener_knows_the_log_determinant() -> None:
-    covariance = random_covariance(12)
-    sign, expected = np.linalg.slogdet(covariance)
-    assert sign == 1
-    assert Whitener.of(covariance).log_determinant == pytest.approx(expected, rel=1e-12)
+from models.diagnosis.covariance import kernel
 
 
 def test_kernel_is_positive_definite_with_ones_on_its_diagonal() -> None:

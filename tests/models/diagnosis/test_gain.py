@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.covariance import kernel
-from models.diagnosis.gain import Gain, Readings, held_out_gain
+from models.diagnosis.gain import Gain, Readings, held_out_gains
+from models.diagnosis.leftover import smooth_maps
 from models.diagnosis.observations import Observations
+from models.diagnosis.whitener import Covariance
 from tests.models.diagnosis.fabricated import fit_of, loads
 
 POWER = np.random.default_rng(1).permutation(np.linspace(200.0, 2000.0, 60))
@@ -22,7 +23,7 @@ def campaign(residual: np.ndarray) -> Observations:
     return replace(loads(POWER), value=POWER / 0.98 + residual)
 
 
-def gain_of(residual: np.ndarray, spread: np.ndarray | None = None) -> Gain:
+def gains_of(residual: np.ndarray, spread: np.ndarray | None = None) -> tuple[Gain, ...]:
     cause = fit_of("link_resistance", RESISTANCE_Ohm * GROWING, slope=GROWING, value=RESISTANCE_Ohm)
     rival = fit_of("auxiliary_power", 2.0 * FLAT, slope=FLAT, value=2.0)
     place = POWER[:, None] / 700.0
@@ -32,12 +33,14 @@ def gain_of(residual: np.ndarray, spread: np.ndarray | None = None) -> Gain:
     readings = Readings(
         observations=campaign(residual),
         residual=residual,
-        covariance=plain,
-        leftover=25.0 * kernel(place, place),
+        covariance=Covariance.whole(plain),
+        leftover=5.0 * smooth_maps(place),
     )
-    gain = held_out_gain(readings, cause, rival, seed=0)
-    assert gain is not None
-    return gain
+    return held_out_gains(readings, cause, rival, seed=0)
+
+
+def gain_of(residual: np.ndarray, spread: np.ndarray | None = None) -> Gain:
+    return gains_of(residual, spread)[0]
 
 
 def test_before_is_the_mean_gap_in_efficiency() -> None:
@@ -84,6 +87,27 @@ def test_too_few_readings_have_no_blocks() -> None:
     observations = loads(POWER[:8])
     fit = fit_of("link_resistance", GROWING[:8])
     readings = Readings(
-        observations=observations, residual=np.zeros(8), covariance=np.eye(8), leftover=np.eye(8)
+        observations=observations,
+        residual=np.zeros(8),
+        covariance=Covariance.whole(np.eye(8)),
+        leftover=np.eye(8),
     )
-    assert held_out_gain(readings, fit, None, seed=0) is None
+    assert held_out_gains(readings, fit, None, seed=0) == ()
+
+
+def test_what_does_not_vary_has_no_blocks() -> None:
+    assert [gain.blocks for gain in gains_of(NOISE)] == [
+        "power band",
+        "quarter of the time",
+    ]  # D1, D2 are fixed
+
+
+def test_held_out_time_is_predicted_from_other_times_only() -> None:
+    late_W = 5.0 * (np.arange(60) >= 45)  # in the last quarter, at random powers
+    bands, quarters = gains_of(late_W)
+    assert bands.wrong_cause is not None
+    assert quarters.wrong_cause is not None
+    # a constant loss, fitted: 0 W for the last quarter and 5/3 W for the others; over bands 5/4 W for all
+    expected = np.mean([5.0, 5 / 3, 5 / 3, 5 / 3]) / np.mean([3.75, 1.25, 1.25, 1.25])
+    # in efficiency a watt counts by 1 / power: 60 random powers, a tenth
+    assert quarters.wrong_cause / bands.wrong_cause == pytest.approx(expected, rel=0.1)

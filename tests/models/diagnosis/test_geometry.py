@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.leftover import Leftover, Leftovers
+from models.diagnosis.whitener import Whitener
 
 READINGS, OWN = 14, np.array([0, 2])
 RNG = np.random.default_rng(3)

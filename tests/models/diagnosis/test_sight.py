@@ -1,5 +1,7 @@
 """What a design can see, and the corrections before any cause is weighed, on a linear bench."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,20 @@ def test_effects_that_look_alike_are_tied_and_faint_ones_invisible() -> None:
     found = {s.effect: s for s in sight(refinery(np.zeros(READINGS), effects, SIGMA))}
     assert found["auxiliary_power"].tied_with == ("analyzer_offset",)
     assert not found["link_resistance"].visible
+
+
+def test_the_everyday_spread_of_an_effect_does_not_tie_it_to_others() -> None:
+    effects = [
+        Signature(effect="link_resistance", slope=GROWING),
+        Signature(effect="analyzer_offset", slope=300.0 * np.cos(np.arange(READINGS))),
+    ]
+    plain = refinery(
+        np.zeros(READINGS), effects, SIGMA, spreads=GROWING[None]
+    )  # a whole Ohm on any ordinary day
+    own = replace(plain.known, spread_names=("link_resistance_Ohm",))
+    assert sight(plain)[0].visible is False
+    assert sight(replace(plain, known=own))[0].tied_with == ()
+    assert sight(replace(plain, known=own))[0].visible
 
 
 def test_a_single_reading_far_off_is_widened_and_the_others_are_not() -> None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from models.diagnosis.covariance import Whitener
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.verdict import Verdict, isolability, judge
+from models.diagnosis.whitener import Whitener
 from sim.effects.catalogue import CATALOGUE
 from tests.models.diagnosis.fabricated import fit_of, joint_fit
 

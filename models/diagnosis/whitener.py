@@ -1,0 +1,104 @@
+r"""A covariance by its parts, and its inverse by them.
+
+Blocks of readings (a channel each) have nothing in common but a few directions J (K, M):
+
+.. math:: C = B + J^T J, \qquad B = L L^T \text{ block by block}, \qquad W = L^{-1} J^T
+
+so that, with Woodbury's identity, blocks alone are factored, and all channels cost no more than the sum of each:
+
+.. math:: C^{-1} = L^{-T} (I - W (I + W^T W)^{-1} W^T) L^{-1}, \quad
+          \ln\det C = \ln\det B + \ln\det (I + W^T W) .
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Covariance:
+    """Blocks ``own`` (n, n) of the readings ``rows`` (n,), which together are all, and ``common`` directions (K, M)."""
+
+    rows: tuple[Rows, ...]
+    own: tuple[Array, ...]
+    common: Array
+
+    @classmethod
+    def whole(cls, matrix: Array) -> Self:
+        """A matrix (M, M) of which no parts are known."""
+        return cls(rows=(np.arange(len(matrix)),), own=(matrix,), common=np.empty((0, len(matrix))))
+
+    def take(self, chosen: Rows) -> Self:
+        """Some of the readings, in their order."""
+        place = np.full(self.common.shape[1], -1)
+        place[chosen] = np.arange(chosen.size)
+        kept = [np.flatnonzero(place[rows] >= 0) for rows in self.rows]
+        return replace(
+            self,
+            rows=tuple(place[rows[k]] for rows, k in zip(self.rows, kept, strict=True)),
+            own=tuple(own[np.ix_(k, k)] for own, k in zip(self.own, kept, strict=True)),
+            common=self.common[:, chosen],
+        )
+
+    def beside(self, directions: Array) -> Self:
+        """The covariance with more directions (k, M) added to it."""
+        return replace(self, common=np.concatenate([self.common, directions]))
+
+    def times(self, vector: Array) -> Array:
+        """C times a vector (M,)."""
+        total = self.common.T @ (self.common @ vector)
+        for rows, own in zip(self.rows, self.own, strict=True):
+            total[rows] += own @ vector[rows]
+        return np.asarray(total)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Whitener:
+    """A factored covariance: solves, and its log-determinant.
+
+    ``inverse_roots`` are L^-1 of each block, ``seen`` (K, M) is W^T, ``root`` (K, K) the root of I + W^T W.
+    """
+
+    rows: tuple[Rows, ...]
+    inverse_roots: tuple[Array, ...]
+    seen: Array
+    root: Array
+    log_determinant: float
+
+    @classmethod
+    def of(cls, covariance: Covariance | Array) -> "Whitener":
+        """Factor a covariance, or a plain matrix (M, M)."""
+        parts = covariance if isinstance(covariance, Covariance) else Covariance.whole(covariance)
+        roots = [cholesky(own, lower=True, check_finite=False) for own in parts.own]
+        inverse = tuple(
+            solve_triangular(root, np.eye(len(root)), lower=True, check_finite=False) for root in roots
+        )
+        seen = np.empty_like(parts.common)
+        for rows, root in zip(parts.rows, inverse, strict=True):
+            seen[:, rows] = parts.common[:, rows] @ root.T
+        inner = cholesky(np.eye(len(seen)) + seen @ seen.T, lower=True, check_finite=False)
+        diagonals = np.concatenate([np.diag(root) for root in (*roots, inner)])
+        return cls(
+            rows=parts.rows, inverse_roots=inverse, seen=seen, root=inner,
+            log_determinant=2 * float(np.sum(np.log(diagonals))),
+        )  # fmt: skip
+
+    def solve(self, right: Array) -> Array:
+        """C^-1 right, (M,) or (M, k)."""
+        white = np.empty_like(right)
+        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
+            white[rows] = root @ right[rows]
+        if len(self.root):
+            onto = solve_triangular(self.root, self.seen @ white, lower=True, check_finite=False)
+            onto = solve_triangular(self.root, onto, lower=True, trans=1, check_finite=False)
+            white -= self.seen.T @ onto
+        solved = np.empty_like(white)
+        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
+            solved[rows] = root.T @ white[rows]
+        return solved

@@ -1,0 +1,111 @@
+"""The commands of the how-to pages and the README, run as they stand on a rack of mock instruments."""
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+import pytest
+
+from bench import cli
+from bench.toml_file import to_toml
+from drivers.clock import StepClock
+from drivers.mocks.faults import Fault, FaultFile
+from drivers.mocks.plant import Plant
+from drivers.mocks.rack import LIMITS, Rack
+from tests.docs.console import Command, commands, files
+
+ROOT = Path(__file__).resolve().parents[2]
+HOW_TO = ROOT / "docs" / "how-to"
+CAMPAIGN = """\
+name = "a campaign"
+
+[plan]
+kind = "latin_hypercube"
+points = 16
+"""
+UNSAFE = 3
+UNPLUGGED = FaultFile(fault=(Fault(instrument="load", kind="hang_up", after=60, seconds=600.0),))
+
+Started = Callable[[FaultFile], AbstractContextManager[None]]
+
+
+@pytest.fixture
+def started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Started:
+    """A rack in this process whose clock does not wait; ``bench.toml`` tells where it listens.
+
+    The pages' own bench.toml names the ports of another computer.
+    """
+    clock = StepClock()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("D2EA_DB", raising=False)
+    for module in ("bench", "lut"):
+        monkeypatch.setattr(f"bench.commands.{module}.WallClock", lambda _speed: clock)
+
+    @contextmanager
+    def start(faults: FaultFile) -> Iterator[None]:
+        with Rack(Plant.virtual(seed=1, hidden={}, clock=clock), faults=faults) as rack:
+            config = rack.bench_config()
+            impatient = {"again_s": 0.0, "recover_s": 0.0}  # what does not answer is not waited for
+            Path("bench.toml").write_text(to_toml({**config, "limits": LIMITS | impatient}))
+            Path("campaign.toml").write_text(CAMPAIGN)
+            yield
+
+    return start
+
+
+def typed(page: Path, verb: str) -> Command:
+    """The page's command of this verb."""
+    return next(c for c in commands(page) if Path(c.words[0]).name == "d2ea" and c.words[1] == verb)
+
+
+def run(command: Command) -> int:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(command.words[1:])
+    return int(ended.value.code or 0)
+
+
+def test_the_first_check_of_a_real_bench(started: Started) -> None:
+    page = HOW_TO / "connect-a-real-bench.md"
+    with started(FaultFile()):
+        Path("first-check.toml").write_text(files(page)["first-check.toml"])
+        assert run(typed(page, "check")) == 0
+        assert run(typed(page, "run")) == 0
+    assert Path("first-check.log").stat().st_size > 0
+
+
+def test_the_readme_from_the_mock_bench_to_a_verdict(
+    started: Started, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = ROOT / "README.md"
+    with started(FaultFile()):
+        assert [run(typed(page, verb)) for verb in ("check", "run", "diagnose")] == [0, 0, 0]
+    assert "verdict:" in capsys.readouterr().out
+
+
+def test_a_rehearsal_tells_which_faults_struck(started: Started, capsys: pytest.CaptureFixture[str]) -> None:
+    page = HOW_TO / "when-something-goes-wrong.md"
+    faults = re.search(r"^```\n(seed = .*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    assert faults
+    with started(FaultFile()):
+        Path("faults.toml").write_text(faults[1])
+        assert run(typed(page, "run")) == 1  # the trip ends it
+    assert "OVP" in capsys.readouterr().err
+
+
+def test_an_unsafe_bench_is_told_cleared_and_resumed(
+    started: Started, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = HOW_TO / "when-something-goes-wrong.md"
+    with started(UNPLUGGED):
+        assert run(typed(ROOT / "README.md", "run")) == UNSAFE
+        assert run(typed(page, "status")) == 0
+        assert "UNSAFE" in capsys.readouterr().out
+        assert run(typed(page, "resume")) != 0
+        assert run(typed(page, "clear")) == UNSAFE  # the load cannot be reached
+        assert run(Command(("d2ea", "clear", "--seen-off"), "")) == 0
+    with started(FaultFile()):
+        assert run(Command(("d2ea", "resume", "--bench", "bench.toml"), "")) == 0
+    capsys.readouterr()
+    assert run(typed(page, "status")) == 0
+    assert "done" in capsys.readouterr().out

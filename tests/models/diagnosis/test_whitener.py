@@ -1,0 +1,61 @@
+"""A covariance by its parts against numpy on the whole matrix."""
+
+import numpy as np
+import pytest
+
+from models.diagnosis.whitener import Covariance, Whitener
+
+RNG = np.random.default_rng(1)
+READINGS = 12
+ORDER = RNG.permutation(READINGS)
+
+
+def random_covariance(size: int) -> np.ndarray:
+    root = RNG.standard_normal((size, size))
+    return root @ root.T + size * np.eye(size)
+
+
+PARTS = Covariance(
+    rows=(np.sort(ORDER[:5]), np.sort(ORDER[5:])),
+    own=(random_covariance(5), random_covariance(7)),
+    common=3.0 * RNG.standard_normal((2, READINGS)),
+)
+RIGHT = RNG.standard_normal((READINGS, 3))
+
+
+def written_out(parts: Covariance) -> np.ndarray:
+    """The matrix that the parts make."""
+    matrix = parts.common.T @ parts.common
+    for rows, own in zip(parts.rows, parts.own, strict=True):
+        matrix[np.ix_(rows, rows)] += own
+    return matrix
+
+
+@pytest.mark.parametrize("covariance", [PARTS, written_out(PARTS)], ids=["parts", "whole"])
+def test_whitener_solves_as_numpy_does(covariance: Covariance | np.ndarray) -> None:
+    expected = np.linalg.solve(written_out(PARTS), RIGHT)
+    solved = Whitener.of(covariance).solve(RIGHT)
+    np.testing.assert_allclose(solved, expected, rtol=1e-9)  # condition below 1000
+
+
+@pytest.mark.parametrize("covariance", [PARTS, written_out(PARTS)], ids=["parts", "whole"])
+def test_whitener_knows_the_log_determinant(covariance: Covariance | np.ndarray) -> None:
+    sign, expected = np.linalg.slogdet(written_out(PARTS))
+    assert sign == 1
+    assert Whitener.of(covariance).log_determinant == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_covariance_times_a_vector_is_that_of_the_matrix() -> None:
+    np.testing.assert_allclose(PARTS.times(RIGHT[:, 0]), written_out(PARTS) @ RIGHT[:, 0], rtol=1e-12)
+
+
+def test_some_readings_keep_their_covariance() -> None:
+    chosen = np.array([1, 4, 5, 9])
+    expected = written_out(PARTS)[np.ix_(chosen, chosen)]
+    np.testing.assert_allclose(written_out(PARTS.take(chosen)), expected, rtol=1e-12)
+
+
+def test_directions_beside_add_their_square() -> None:
+    more = RNG.standard_normal((2, READINGS))
+    expected = written_out(PARTS) + more.T @ more
+    np.testing.assert_allclose(written_out(PARTS.beside(more)), expected, rtol=1e-12, atol=1e-12)
