@@ -15,6 +15,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr
 
 from models.diagnosis.geometry import Geometry, Projection
@@ -130,9 +131,10 @@ class Weighed:
 def weigh(
     fit: Fit, seen: Projection, geometry: Geometry, own: Rows, leftover: Leftover | None = None
 ) -> Weighed:
-    """Laplace's evidence; ``seen`` is the projection of ``fit.vectors(residual)``."""
-    inner, log_det = geometry.products(seen, own, leftover)
-    bare, size = -0.5 * (float(inner[-1, -1]) + log_det), len(fit.terms)
+    """Laplace's evidence; ``seen`` is the projection of ``fit.vectors(residual)``, then of its laws' columns."""
+    size = len(fit.terms)
+    inner, log_det = _law_let_in(*geometry.products(seen, own, leftover), size + 1)
+    bare = -0.5 * (float(inner[-1, -1]) + log_det)
     if not size:
         return Weighed(log_evidence=bare, promised=bare, step=np.empty(0), sigma=np.empty(0))
     prior = np.array([t.head.prior for t in fit.terms])
@@ -154,6 +156,15 @@ def weigh(
         step=np.where(held, 0.0, step),
         sigma=sigma,
     )
+
+
+def _law_let_in(inner: Array, log_det: float, vectors: int) -> tuple[Array, float]:
+    """Products of the first so many, under a covariance that the directions after them were added to."""
+    if len(inner) == vectors:
+        return inner, log_det
+    root = np.linalg.cholesky(np.eye(len(inner) - vectors) + inner[vectors:, vectors:])
+    onto = solve_triangular(root, inner[vectors:, :vectors], lower=True, check_finite=False)
+    return inner[:vectors, :vectors] - onto.T @ onto, log_det + 2 * float(np.sum(np.log(np.diag(root))))
 
 
 def _held(fit: Fit, step: Array) -> NDArray[np.bool_]:

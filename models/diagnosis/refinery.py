@@ -1,13 +1,15 @@
 """Hypotheses are simulated at their values until they stand still: the simulator decides, not its tangent."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.geometry import Geometry
+from models.diagnosis.geometry import Directions, Geometry, Projection
 from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
+from models.diagnosis.law import Laws
+from models.diagnosis.leftover import Leftover
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
@@ -33,6 +35,7 @@ class Refinery:
     observations: Observations
     baseline: Model
     geometry: Geometry
+    laws: Laws = field(default_factory=Laws.none)
     near: Result | None = None
 
     @property
@@ -40,13 +43,33 @@ class Refinery:
         """Readings less the baseline's prediction, (M,)."""
         return self.observations.value - self.known.baseline
 
+    def law(self, fit: Fit) -> list[Directions]:
+        """The directions in which a fit's laws may be wrong."""
+        laws = (self.laws.directions(t.signature, t.distance) for t in fit.terms)
+        return [law for law in laws if law is not None]
+
+    def seen(self, fits: Sequence[Fit], *, basis: bool = True) -> list[Projection]:
+        """The vectors of every fit and the columns of its laws, projected in one look at the readings."""
+        vectors = [fit.vectors(self.residual) for fit in fits]
+        return self.geometry.project_all(vectors, [self.law(fit) for fit in fits], basis=basis)
+
+    def solved(self, fit: Fit, leftover: Leftover | None = None) -> Array:
+        """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""
+        law = [d.vectors for d in self.law(fit)]
+        vectors = np.concatenate([(self.residual - fit.shift)[None], *law])
+        left, *beside = self.geometry.solve(vectors, fit.own(self.known), leftover)
+        if not beside:
+            return np.asarray(left)
+        inner = np.eye(len(beside)) + vectors[1:] @ np.stack(beside).T
+        return np.asarray(left - np.linalg.solve(inner, vectors[1:] @ left) @ np.stack(beside))
+
     def weighed(self, fit: Fit) -> Weighed:
         """The evidence of a fit as it stands."""
         return self.weighed_all([fit])[0]
 
     def weighed_all(self, fits: Sequence[Fit]) -> list[Weighed]:
         """The evidence of every fit as it stands, in one look at the readings."""
-        seen = self.geometry.project_all([fit.vectors(self.residual) for fit in fits], basis=False)
+        seen = self.seen(fits, basis=False)
         return [
             weigh(fit, part, self.geometry, fit.own(self.known)) for fit, part in zip(fits, seen, strict=True)
         ]
@@ -54,10 +77,14 @@ class Refinery:
     def spreads(self, fit: Fit) -> Array:
         """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
         own = fit.own(self.known)
-        left = self.geometry.project((self.residual - fit.shift)[None])
-        onto = left.on_spreads[:, 0]
+        left = self.geometry.project((self.residual - fit.shift)[None], self.law(fit))
+        onto, between = left.on_spreads[:, 0], self.geometry.between_spreads
+        if len(left.each_other) > 1:
+            law = left.on_spreads[:, 1:]
+            inner = np.eye(law.shape[1]) + left.each_other[1:, 1:]
+            taken = np.linalg.solve(inner, np.column_stack([left.each_other[1:, 0], law.T]))
+            onto, between = onto - law @ taken[:, 0], between - law @ taken[:, 1:]
         if own.size:
-            between = self.geometry.between_spreads
             inner = np.eye(own.size) - between[np.ix_(own, own)]
             onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]
         onto[own] = 0.0

@@ -25,6 +25,7 @@ _SILENT = 1e-3  # over all readings, in their units: above the solver's toleranc
 _APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
+_LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
 _STEP = (
     0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
 )
@@ -227,7 +228,8 @@ def _instrument_spreads(observations: Observations, converter: Converter) -> dic
 
     Gains of the dc ports and the input's offset are the tolerances of the effects of that name. Beside them the
     output is good to 0.05 % of range, and an ac power to 0.3 % of reading and 0.2 % of range; a uniform error of
-    that width has a sigma of width over root three. A temperature sensor is taken as good to half a kelvin.
+    that width has a sigma of width over root three. A temperature sensor is taken as good to half a kelvin,
+    and shows some of the row before.
     Assumption: the power range in use is three quarters of the rated power, as overrange allows.
     """
     power = np.asarray(observations.points.power_W)[observations.row]
@@ -243,4 +245,15 @@ def _instrument_spreads(observations: Observations, converter: Converter) -> dic
         table[f"{link} offset"] = np.where(observations.of(link), ac_offset_W, 0.0)
     for sensor in ("T_heatsink_C", "T_transformer_C", "T_inductor_C"):
         table[f"{sensor} offset"] = np.where(observations.of(sensor), 0.5, 0.0)
+        table[f"{sensor} lag"] = _LAG * _from_before(observations, sensor)
     return table
+
+
+def _from_before(observations: Observations, name: str) -> Array:
+    """How far each reading of a channel lies below the one before it in time, (M,); 0 without time."""
+    drop, readings = np.zeros(observations.value.size), np.flatnonzero(observations.of(name))
+    time_s = np.asarray(observations.points.time_s)[observations.row[readings]]
+    if readings.size and np.ptp(time_s) > 0.0:
+        ordered = readings[np.argsort(time_s, kind="stable")]
+        drop[ordered[1:]] = -np.diff(observations.value[ordered])
+    return drop
