@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import Fit, Term, weigh
+from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery, hopeless
 from models.diagnosis.signatures import Signature
@@ -63,24 +63,30 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
         (None, math.log(1 - P_LEFTOVER) if configurations else 0.0)
     ]
     shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
-    found: list[tuple[Fit, Leftover | None, float]] = []
-    fits = list(fits)
-    for fit, seen in zip(fits, refinery.seen(fits), strict=True):
-        own = fit.own(refinery.known)
+    fits, leftovers = list(fits), [leftover for leftover, _ in shares]
+    own = [fit.own(refinery.known) for fit in fits]
+    found: list[tuple[float, Fit, Leftover | None, Weighed]] = []
+    for fit, beside in zip(fits, weigh(fits, refinery.seen(fits), geometry, own, leftovers), strict=True):
         prior = log_prior(fit, catalogue)
-        for leftover, share in shares:
-            w = weigh(fit, seen, geometry, own, leftover)
-            terms = tuple(replace(t, sigma=float(s)) for t, s in zip(fit.terms, w.sigma, strict=True))
-            # without leftover the simulator has the last word; beside one the tangents have
-            evidence = w.log_evidence if leftover is None else w.promised
-            settled = replace(fit, terms=terms, log_evidence=evidence)
-            found.append((settled.moved(w.step), leftover, prior + share + evidence))
-    log = np.array([p for _, _, p in found])
+        for (leftover, share), w in zip(shares, beside, strict=True):
+            found.append((prior + share + _last_word(w, leftover), fit, leftover, w))
+    log = np.array([p for p, *_ in found])
     probability = np.exp(log - np.logaddexp.reduce(log))
     return [
-        Hypothesis(fit=found[k][0], leftover=found[k][1], probability=float(probability[k]))
+        Hypothesis(fit=_settled(*found[k][1:]), leftover=found[k][2], probability=float(probability[k]))
         for k in np.argsort(-probability)
     ]
+
+
+def _last_word(w: Weighed, leftover: Leftover | None) -> float:
+    """Without leftover the simulator has the last word; beside one the tangents have."""
+    return w.log_evidence if leftover is None else w.promised
+
+
+def _settled(fit: Fit, leftover: Leftover | None, w: Weighed) -> Fit:
+    """The fit at its best values, with their deviations."""
+    terms = tuple(replace(t, sigma=float(s)) for t, s in zip(fit.terms, w.sigma, strict=True))
+    return replace(fit, terms=terms, log_evidence=_last_word(w, leftover)).moved(w.step)
 
 
 def on_tangents(refinery: Refinery) -> list[Fit]:
@@ -227,9 +233,13 @@ def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) 
         part = seen.of([*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends])
         off = (replace(t, value=t.head.off) for t in chosen)
         fit = replace(base, terms=(*base.terms, *off))
-        found.append((weigh(fit, part, refinery.geometry, fit.own(refinery.known)).promised, fit))
-    found.sort(key=lambda entry: -entry[0])
-    return _fitted_lines(refinery, [fit for _, fit in found[:_SCREENED]])
+        found.append((fit, part))
+    if not found:
+        return []
+    fits, parts = [fit for fit, _ in found], [part for _, part in found]
+    weighed = weigh(fits, parts, refinery.geometry, [fit.own(refinery.known) for fit in fits])
+    best = sorted(range(len(fits)), key=lambda k: -weighed[k][0].promised)[:_SCREENED]
+    return _fitted_lines(refinery, [fits[k] for k in best])
 
 
 def _are_new(chosen: Sequence[Term], base: Fit) -> bool:
