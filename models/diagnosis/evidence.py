@@ -28,6 +28,7 @@ _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a worse place than off
+_NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _REACH = 3.0  # prior scales that a line is trusted over
 
 
@@ -56,7 +57,10 @@ def posterior(refinery: Refinery) -> list[Hypothesis]:
 
 
 def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypothesis]:
-    """Fits without and with every leftover, the values beside a leftover fitted again."""
+    """Fits without and with every leftover, the values beside a leftover fitted again.
+
+    Of each fit, what has no probability worth a word is left out, but for itself alone and beside its best leftover.
+    """
     geometry, catalogue = refinery.geometry, len({s.effect for s in refinery.known.effects})
     configurations = geometry.leftovers.configurations
     shares: list[tuple[Leftover | None, float]] = [
@@ -65,16 +69,23 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
     fits, leftovers = list(fits), [leftover for leftover, _ in shares]
     own = [fit.own(refinery.known) for fit in fits]
-    found: list[tuple[float, Fit, Leftover | None, Weighed]] = []
-    for fit, beside in zip(fits, weigh(fits, refinery.seen(fits), geometry, own, leftovers), strict=True):
-        prior = log_prior(fit, catalogue)
-        for (leftover, share), w in zip(shares, beside, strict=True):
-            found.append((prior + share + _last_word(w, leftover), fit, leftover, w))
-    log = np.array([p for p, *_ in found])
-    probability = np.exp(log - np.logaddexp.reduce(log))
+    log = np.empty((len(fits), len(leftovers)))
+    weighed = weigh(fits, refinery.seen(fits), geometry, own, leftovers)
+    for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
+        log[k] = log_prior(fit, catalogue)
+        log[k] += [share + _last_word(w, c) for (c, share), w in zip(shares, beside, strict=True)]
+    probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
+    counts = (probability > _NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
+    counts[:, 0] = True  # without leftover
+    order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
     return [
-        Hypothesis(fit=_settled(*found[k][1:]), leftover=found[k][2], probability=float(probability[k]))
-        for k in np.argsort(-probability)
+        Hypothesis(
+            fit=_settled(fits[k], leftovers[c], weighed[k][c]),
+            leftover=leftovers[c],
+            probability=float(probability[k, c]),
+        )
+        for k, c in order
+        if counts[k, c]
     ]
 
 
