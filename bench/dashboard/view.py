@@ -11,6 +11,8 @@ import numpy as np
 
 from bench.dashboard.rows import Rows
 from bench.dashboard.watcher import Feed, Overview
+from bench.plan import most_rows
+from bench.states import State
 from bench.store import BenchRow, BenchState, LinkReport, Row, SeenMoment
 from bench.wording import counted, duration, per_cent, points_text, unit_of
 
@@ -33,16 +35,21 @@ class Banner:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgressView:
-    """How far a campaign is; shares are fractions, ``left`` is words, empty while nobody knows."""
+    """How far a campaign is; shares are fractions, ``left`` is words, empty while nobody knows.
+
+    ``planned`` is the most there may be where ``at_most``: the plan grows. ``why`` is the present point's question.
+    """
 
     name: str
     number: int
     state: str
     done: int
     planned: int
+    at_most: bool
     rejected: int
     left: str
     point: str
+    why: str
     phase: str
     settling: str
     settling_share: float
@@ -166,10 +173,12 @@ def progress(feed: Feed, now: datetime) -> ProgressView:
         number=int(row["id"]),
         state=str(row["shown"]),
         done=len(feed.rows),
-        planned=int(row["planned"]),
+        planned=_planned(feed),
+        at_most=_grows(feed) is not None,
         rejected=feed.rejected,
         left=_left(feed) if live and row["shown"] == "running" else "",
         point=_point(feed) if live else "",
+        why=str((_present_point(feed) or {}).get("why") or "") if live else "",
         phase=moment.phase if moment and live else "",
         settling=_settling(settling.elapsed_s, settling.limit_s, settling.moving) if settling else "",
         settling_share=min(1.0, settling.elapsed_s / settling.window_s) if settling else 0.0,
@@ -184,12 +193,27 @@ def _left(feed: Feed) -> str:
     steps = [(b - a).total_seconds() for a, b in pairwise(times)]
     if not steps:
         return ""
-    return f"about {duration(median(steps) * (feed.campaign['planned'] - len(feed.rows)))} left"
+    about = "at most" if _grows(feed) else "about"
+    return f"{about} {duration(median(steps) * (_planned(feed) - len(feed.rows)))} left"
+
+
+def _grows(feed: Feed) -> int | None:
+    """The most rows of a plan that may still grow."""
+    ended = feed.campaign["shown"] in (State.DONE, State.IMPORTED)
+    return None if ended else most_rows(feed.campaign["config"] or {})
+
+
+def _planned(feed: Feed) -> int:
+    return _grows(feed) or int(feed.campaign["planned"])
+
+
+def _present_point(feed: Feed) -> Row | None:
+    point_id = feed.moment.point_id if feed.moment else None
+    return feed.points.get(point_id) if point_id is not None else None
 
 
 def _point(feed: Feed) -> str:
-    point_id = feed.moment.point_id if feed.moment else None
-    row = feed.points.get(point_id) if point_id is not None else None
+    row = _present_point(feed)
     if row is None:
         return ""
     if row["kind"] == "standby":
@@ -355,7 +379,7 @@ def clock(stamp: str | None) -> str:
     return f"{local:%H:%M:%S}" if local.date() == today else f"{local:%Y-%m-%d %H:%M}"
 
 
-STEPS = frozenset({"planned", "set", "settled", "measured"})  # of a point: many, and seen elsewhere
+STEPS = frozenset({"planned", "set", "settled", "measured", "chosen"})  # of a point: many, and seen elsewhere
 
 
 def happened(feed: Feed, most: int = 12) -> list[tuple[str, str, str]]:
