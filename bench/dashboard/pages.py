@@ -139,7 +139,7 @@ class BenchPage:
             chart.show(drawn[name])
 
     def _render_progress(self, feed: Feed, now: datetime) -> str:
-        return self._progress.render(view.progress(feed, now), view.PHASES)
+        return self._progress.render(progress(feed, now), view.PHASES)
 
     def _render_links(self, feed: Feed, now: datetime) -> str:
         moment = feed.moment if feed.campaign["is_live"] else None
