@@ -10,6 +10,7 @@ from bench.dashboard import charts, view
 from bench.dashboard.asking import Request
 from bench.dashboard.desk import Chart, Desk, Panel, frame
 from bench.dashboard.kept import chosen_optimum, decision_rows, model_errors, model_rows
+from bench.dashboard.progress import progress
 from bench.dashboard.watcher import Feed
 from bench.errors import BenchError
 from bench.wording import effect_name, parameter_text, per_cent, probable_causes, verdict_text
