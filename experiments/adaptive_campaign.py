@@ -31,7 +31,7 @@ from experiments.harness.trials import perform
 
 FIRST_SEED = 190_000
 SIZE = "small"  # the lower third of what labs draw from
-LABS = 24  # half of each kind of bench
+LABS = 20  # half of each kind of bench
 _EVERY = 2  # of the effects that a lab can hide, for benches with all channels
 
 Record = dict[str, Any]

@@ -23,7 +23,7 @@ from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 
 ADAPTIVE, RANDOM = "adaptive", "random"
-START, AT_ONCE, MOST = 10, 5, 72
+START, AT_ONCE, MOST = 10, 5, 62
 POWERS = "dc powers only"
 ALL = "all channels"
 _REFERENCE_EVERY = 6
