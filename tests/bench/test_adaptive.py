@@ -188,10 +188,16 @@ def test_rows_are_chosen_that_answer_the_open_question(choice: Choice) -> None:
     assert (choice.rows[0].D1, choice.rows[0].D2, choice.rows[0].power_W) == (0.8, 0.0, 0.0)
 
 
-def test_the_same_rows_lead_to_the_same_choice(choice: Choice, powers: pd.DataFrame) -> None:
+def test_the_same_rows_lead_to_the_same_choice(
+    adaptive: Adaptive, choice: Choice, powers: pd.DataFrame
+) -> None:
     again = Job.prepare(campaign_config(plan=PLAN), bench_config()).choose
-    assert again is not None
+    assert isinstance(again, Adaptive)
     assert again(powers.copy(), as_planned(powers)) == choice
+    np.testing.assert_array_equal(again.candidates, adaptive.candidates)
+    other = Job.prepare(campaign_config(plan=PLAN, seed=2), bench_config()).choose
+    assert isinstance(other, Adaptive)
+    assert not np.isin(other.candidates, adaptive.candidates).any()
 
 
 def test_too_few_rows_for_a_diagnosis_are_added_to_where_nothing_was_measured(adaptive: Adaptive) -> None:
