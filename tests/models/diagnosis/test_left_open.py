@@ -61,6 +61,23 @@ def test_what_cannot_run_is_not_a_number(found: Diagnosis) -> None:
     assert np.isnan(watts_open(found.refinery, 0.5, 0.5, 2000.0, nothing(found.refinery)))
 
 
+def test_what_the_instruments_were_found_to_be_off_by_is_expected_again(found: Diagnosis) -> None:
+    seen, rival = found.observations, found.rivals[0]
+    ahead = Ahead(points=seen.points.take(seen.row), channels=EFFICIENCY)
+    beside = left_open(found.refinery, ahead, [rival.fit]).beside[0]
+    off = seen.value - seen.simulate([rival.model])[0]
+    assert np.mean(np.abs(off - beside)) < 0.5 * np.mean(np.abs(off))
+
+
+def test_a_step_that_was_chosen_makes_room_for_others(found: Diagnosis) -> None:
+    few = Allowed(by_hand=False, least_sigma=0.01)
+    steps = [step for step in found.steps(few, 6) if not step.by_hand]
+    assert sum(step.repeats for step in steps) == 6
+    assert (
+        len({step.set_point for step in steps}) >= 3
+    )  # taken at its word, one point would be the best six times
+
+
 def test_what_the_spreads_may_take_up_is_no_separation(found: Diagnosis) -> None:
     alone = Allowed(by_hand=False)
     wary = next_measurements(found.observations, found.rivals, refinery=found.refinery, allowed=alone)
