@@ -19,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.anderson import accelerated
 from sim.dead_times import EdgeView, commutations, magnetizing_current
 from sim.soft_switching import Commutation
 from sim.waveform import Circuit, Pieces, Steps, lossless_start_A, march
@@ -377,26 +378,9 @@ def _anderson(circuit: Circuit, edges: Array, state: Array) -> Array:
         if np.all(done):
             break
         step = np.concatenate([(-0.5 * sweep.gap_A / unit[0])[None], sweep.late, np.zeros_like(now[:1])])
-        ahead = now + (step if turn % _RESTART == _RESTART - 1 else _accelerated(now, step, history))
+        ahead = now + (step if turn % _RESTART == _RESTART - 1 else accelerated(now, step, history))
         ahead[1:5] = np.clip(ahead[1:5], 0.0, longest)
         history[2:] = history[:2]
         history[0], history[1] = now, step
         now = np.where(done, now, ahead)
     return now * unit
-
-
-def _accelerated(now: Array, step: Array, history: Array) -> Array:
-    """Anderson's step of depth two (or one, or none) from the last states and steps (4, 6, N)."""
-    dx, df = now - history[0], step - history[1]
-    dx2, df2 = history[0] - history[2], history[1] - history[3]
-    deep = np.isfinite(df2[0])
-    dx2, df2 = np.where(deep, dx2, 0.0), np.where(deep, df2, 0.0)
-    dx, df = np.where(np.isfinite(df), dx, 0.0), np.where(np.isfinite(df), df, 0.0)
-    aa, ab, bb = np.sum(df * df, axis=0), np.sum(df * df2, axis=0), np.sum(df2 * df2, axis=0)
-    ra, rb = np.sum(df * step, axis=0), np.sum(df2 * step, axis=0)
-    determinant = aa * bb - ab * ab
-    two = determinant > 1e-8 * aa * bb
-    safe = np.where(two, determinant, 1.0)
-    first = np.where(two, (ra * bb - rb * ab) / safe, np.where(aa > 0, ra / np.where(aa > 0, aa, 1.0), 0.0))
-    second = np.where(two, (rb * aa - ra * ab) / safe, 0.0)
-    return np.asarray(step - first * (dx + df) - second * (dx2 + df2))

@@ -72,10 +72,10 @@ class Signatures:
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
 
-    def start(self, observations: Observations) -> Result | None:
+    def start(self, observations: Observations, baseline: Model) -> Result:
         """The baseline's simulation at the rows with readings."""
         if self.near is None or self.rows is None:
-            return None
+            return observations.reference(baseline)
         return self.near.take(np.searchsorted(self.rows, np.unique(observations.row)))
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
