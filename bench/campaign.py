@@ -3,7 +3,8 @@
 A campaign and each of its points move along one table of transitions (``bench.states``); anything else is an
 error. For every point the simulator's prediction is stored before the point is set. Whatever goes wrong, the power
 goes off first, then it is recorded, then it is raised. A campaign that stopped, however it stopped, goes on from
-the ledger: what was accepted or rejected stays, what had begun is measured anew.
+the ledger: what was accepted or rejected stays, what had begun is measured anew. Where a plan grows, its next points
+are in the ledger, with why, before any of them is set; while they are chosen, the bench's heartbeat goes on.
 """
 
 import time
@@ -16,8 +17,10 @@ import numpy as np
 import pandas as pd
 from sqlalchemy import RowMapping
 
+from bench.beside import beside
 from bench.config import BenchConfig
 from bench.errors import Aborted, BenchUnsafe, CampaignStopped, StateError, StoreError
+from bench.growth import Growth, Think
 from bench.instruments import Bench, open_bench
 from bench.job import CampaignOutcome, Job, planned
 from bench.leftovers import switch_off_leftovers
@@ -45,11 +48,12 @@ OpenBench = Callable[[BenchConfig, Clock], AbstractContextManager[Bench]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
-    """How to reach the bench, how to switch it off when nobody runs it, and what day it is."""
+    """How to reach the bench, how to switch it off when nobody runs it, what day it is, where long work is done."""
 
     connect: OpenBench = open_bench
     make_safe: Callable[[BenchConfig, Clock], PowerOffReport] = switch_off_leftovers
     today: Callable[[], datetime] = datetime.now
+    think: Think = beside
 
 
 REAL = Surroundings()
@@ -81,7 +85,7 @@ def run_campaign(
     if store.campaign(campaign_id)["shown"] is not State.PLANNED:
         stored = Job.stored(store, store.campaign(campaign_id), bench=job.bench, predict=job.predict)
         return resume_campaign(campaign_id, store, clock, job=stored, progress=progress, around=around)
-    tracker = Tracker(job.plan.points, clock, progress)
+    tracker = Tracker(job.plan, clock, progress)
     return _Run(job, store, clock, campaign_id, tracker, around).run(State.PLANNED)
 
 
@@ -103,7 +107,7 @@ def resume_campaign(
         raise StateError(f"campaign {campaign_id} is {row['shown']}: there is nothing to resume")
     job = job or Job.stored(store, row)
     store.benches.refuse(job.bench.name, campaign_id)
-    tracker = Tracker(job.plan.points, clock, progress)
+    tracker = Tracker(job.plan, clock, progress)
     run = _Run(job, store, clock, campaign_id, tracker, around)
     run.take_over(State(row["state"]))
     return run.run(State.CHECKING)
@@ -270,17 +274,22 @@ class _Run:
         assert self.session_id is not None
         self.store.identify(self.id, self.session_id, bench.check())
         bench.configure()
-        rows = self.store.unfinished(self.id)
+        rows: Sequence[RowMapping] = self.store.unfinished(self.id)
         predicted = self._predictions(rows, bench.beat().T_ambient_C)
         self.campaign.power_up(bench)
         self._move(State.RUNNING)
         points = PointRunner(self.campaign, self.session_id)
-        for row in rows:
-            self._attend()
-            if self.request == "pause":
-                self._pause(bench)
-            with about(point=row["point"]):
-                points.run(bench, planned(row), int(row["id"]), predicted[row["id"]])
+        growth = Growth(of=self.campaign, think=self.around.think)
+        while True:
+            for row in rows:
+                self._attend()
+                if self.request == "pause":
+                    self._pause(bench)
+                with about(point=row["point"]):
+                    points.run(bench, planned(row), int(row["id"]), predicted[row["id"]])
+            if not (rows := growth.next_rows(bench)):
+                return
+            predicted = self._predictions(rows, bench.beat().T_ambient_C)
 
     def _predictions(self, rows: Sequence[RowMapping], ambient_C: float) -> dict[int, float]:
         """Predicted efficiency by point id; points that have none yet are simulated, and stored."""

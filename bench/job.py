@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from bench.adaptive import Chooses, chooser
 from bench.config import BenchConfig, CampaignConfig, check, config_hash
 from bench.errors import StateError
 from bench.plan import Kind, Plan, PlannedPoint, make_plan
@@ -14,12 +15,13 @@ from bench.store import Provenance, Row, Store
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A campaign, the bench it runs on, its plan, and who predicts."""
+    """A campaign, the bench it runs on, its plan, who predicts, and who chooses more points where the plan grows."""
 
     campaign: CampaignConfig
     bench: BenchConfig
     plan: Plan
     predict: Predictor
+    choose: Chooses | None = None
 
     @classmethod
     def prepare(
@@ -37,6 +39,7 @@ class Job:
             bench=bench,
             plan=make_plan(campaign, bench, predict, file=file),
             predict=predict,
+            choose=chooser(campaign, bench, predict, file=file),
         )
 
     @classmethod
@@ -56,11 +59,15 @@ class Job:
                 f"campaign {row['id']} belongs to the bench {row['bench']!r}, not {settings.name!r}"
             )
         points = tuple(planned(point) for point in store.predictions(row["id"]).to_dict(orient="records"))
+        file, predict = f"campaign {row['id']}", predict or SimulatedConverter.of(settings.converter)
+        campaign = check(config["campaign"], CampaignConfig, file=file)
+        most = campaign.plan.points if campaign.plan.adaptive else None
         return cls(
-            campaign=check(config["campaign"], CampaignConfig, file=f"campaign {row['id']}"),
+            campaign=campaign,
             bench=settings,
-            plan=Plan(points=points, tried=len(points), infeasible={}),
-            predict=predict or SimulatedConverter.of(settings.converter),
+            plan=Plan(points=points, tried=len(points), infeasible={}, most=most),
+            predict=predict,
+            choose=chooser(campaign, settings, predict, file=file),
         )
 
     def provenance(self, key: str | None = None) -> Provenance:
@@ -100,4 +107,5 @@ def planned(row: Mapping[Any, Any]) -> PlannedPoint:
         D1=float(row["D1"]),
         D2=float(row["D2"]),
         power_W=float(row["P_set_W"]),
+        why=str(row.get("why") or ""),
     )

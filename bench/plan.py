@@ -2,7 +2,8 @@
 
 Order: standby rows, no-load rows, a reference point, then the points in the order asked for with the
 reference again after every N, and once more at the end. Only points that the simulator can reach, and that
-it does not see beyond the bench's limits, are planned; the others are counted by reason.
+it does not see beyond the bench's limits, are planned; the others are counted by reason. An adaptive plan begins
+with some of its candidates, spread out, and grows (:mod:`bench.adaptive`).
 """
 
 import csv
@@ -17,12 +18,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.config import BenchConfig, CampaignConfig, PlanConfig, SetPointConfig
+from bench.config import AdaptiveConfig, BenchConfig, CampaignConfig, PlanConfig, SetPointConfig
 from bench.errors import InputError, Problem
-from bench.prediction import Asked, FloatArray, Forecast, Predictor
-from bench.safety import Limits
+from bench.prediction import Asked, Predictor
+from bench.within import Within
 
 AMBIENT_C = 25.0  # the plan is made before anything is measured
+SPARE = (
+    0.12  # of the power, that a candidate must leave: closer to the most that is carried nothing can be told
+)
 TRIES_PER_POINT = 200  # a box with less than 1/200 feasible is a mistake in its ranges
 _NUMBER = re.compile(r"(?<![A-Za-z0-9.])\d+(\.\d+)?")  # reasons that differ in a number only are one
 CSV_COLUMNS = ("D1", "D2", "P_set_W")
@@ -41,7 +45,10 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedPoint:
-    """One row to measure; ``point`` numbers the distinct set points, ``repeat`` counts its rows."""
+    """One row to measure; ``point`` numbers the distinct set points, ``repeat`` counts its rows.
+
+    ``why`` is the question that it answers, where the campaign chose it itself.
+    """
 
     point: int
     repeat: int
@@ -49,20 +56,24 @@ class PlannedPoint:
     D1: float
     D2: float
     power_W: float
+    why: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """The rows in the order they are measured, and what was left out."""
+    """The rows in the order they are measured, and what was left out; ``most`` rows where the plan may grow."""
 
     points: tuple[PlannedPoint, ...]
     tried: int
     infeasible: Mapping[str, int]  # reason → count
+    most: int | None = None
 
     def said(self) -> str:
         """The plan in one line for people."""
         kinds = Counter(row.kind.value for row in self.points)
         parts = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+        if self.most is not None:
+            parts += f"; more are chosen from what is measured, {self.most} in all at most"
         left_out = sum(self.infeasible.values())
         if not left_out:
             return f"{len(self.points)} rows ({parts}); all {self.tried} set points tried are feasible"
@@ -78,9 +89,12 @@ def make_plan(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, 
     rng = np.random.default_rng(campaign.seed)
     plan = campaign.plan
     _refuse_outside_limits(campaign, bench, file)
-    predict = _Within(predict, bench, plan.heat_margin)
+    predict = Within(predict, bench, plan.heat_margin)
     if plan.kind == "latin_hypercube":
-        feasible, tried, left_out = _latin_hypercube(campaign, predict, rng, file)
+        feasible, tried, left_out = _latin_hypercube(campaign, plan.points or 0, predict, rng, file)
+    elif plan.adaptive is not None:
+        pool, tried, left_out = candidates_of(campaign, bench, predict, file)
+        feasible = pool[spread_out(pool, plan.adaptive.start)]
     else:
         candidates = _grid(campaign) if plan.kind == "grid" else _explicit(plan, bench, file)
         feasible, left_out = _reachable(candidates, predict)
@@ -90,19 +104,55 @@ def make_plan(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, 
     reference = _reference(plan, feasible, campaign, predict, file)
     start = _start(bench, max(feasible[:, 2].max(), reference.power_W), predict)
     rows = _rows(plan, feasible, (reference, start), rng)
-    return Plan(points=tuple(_numbered(rows)), tried=tried, infeasible=dict(left_out))
+    most = _budget(plan, len(rows), file)
+    return Plan(points=tuple(_numbered(rows)), tried=tried, infeasible=dict(left_out), most=most)
+
+
+def _budget(plan: PlanConfig, begun: int, file: str) -> int | None:
+    """The most rows of a plan that grows; InputError when it ends before it has begun."""
+    if plan.adaptive is None:
+        return None
+    most = plan.points or 0
+    if most <= begun:
+        raise InputError.of(
+            file, "plan.points", most, f"more than the {begun} rows that the plan begins with"
+        )
+    return most
 
 
 # --- the set points ---------------------------------------------------------------------------------
 
 
+def candidates_of(
+    campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, file: str
+) -> tuple[Box, int, Counter[str]]:
+    """What an adaptive plan may choose from: within the limits of the bench, with power to spare; by its seed.
+
+    Returns them with how many were tried, and the reasons of those left out; InputError when too few are left.
+    """
+    settings = campaign.plan.adaptive or AdaptiveConfig()
+    within = Within(predict, bench, campaign.plan.heat_margin, spare=SPARE)
+    return _latin_hypercube(campaign, settings.candidates, within, np.random.default_rng(campaign.seed), file)
+
+
+def spread_out(pool: Box, count: int) -> NDArray[np.intp]:
+    """Indices (count,) of points far from each other: the most central one, then always the loneliest."""
+    spread = np.ptp(pool, axis=0)
+    scaled = (pool - np.median(pool, axis=0)) / np.where(spread > 0, spread, 1.0)
+    chosen = [int(np.argmin((scaled**2).sum(axis=1)))]
+    near = np.full(len(pool), np.inf)
+    while len(chosen) < min(count, len(pool)):
+        near = np.minimum(near, ((scaled - scaled[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(np.argmax(near)))
+    return np.array(chosen)
+
+
 def _latin_hypercube(
-    campaign: CampaignConfig, predict: Predictor, rng: np.random.Generator, file: str
+    campaign: CampaignConfig, wanted: int, predict: Predictor, rng: np.random.Generator, file: str
 ) -> tuple[Box, int, Counter[str]]:
     """One hypercube, large enough that its feasible part holds the points asked for; a choice of them."""
     from scipy.stats import qmc  # here: it takes half a second to load, and every verb would pay
 
-    wanted = campaign.plan.points or 0
     low, high = _corners(campaign)
     size = wanted
     while size <= TRIES_PER_POINT * wanted:
@@ -192,54 +242,6 @@ def _cell(
 def _corners(campaign: CampaignConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     box = np.array([campaign.ranges.D1, campaign.ranges.D2, campaign.ranges.power_W], dtype=float)
     return box[:, 0], box[:, 1]
-
-
-@dataclass(frozen=True, slots=True)
-class _Within:
-    """A predictor to which a point beyond the bench's limits is as infeasible as one without a solution."""
-
-    predict: Predictor
-    bench: BenchConfig
-    heat_margin: float
-
-    def __call__(self, asked: Asked) -> Forecast:
-        forecast = self.predict(asked)
-        feasible, reason = forecast.feasible.copy(), forecast.reason.astype("U96")
-        columns = {**forecast.columns, **self._derived(forecast.columns, asked)}
-        for name, limit, of in self._ceilings():
-            if name in columns:
-                beyond = self._expected(name, columns[name], asked.ambient_C) > limit
-                reason[beyond & feasible] = f"predicted {name} too near {of} or above it"
-                feasible &= ~beyond
-        return replace(forecast, feasible=feasible, reason=reason)
-
-    def _ceilings(self) -> Iterator[tuple[str, float, str]]:
-        """Column, its highest value, and whose that is: the safety limits, and ranges that are fixed."""
-        for name, limit in Limits.of(self.bench.limits, self.bench.converter).upper.items():
-            yield name, limit, "its limit"
-        if self.bench.limits.link_peak_A is not None:
-            yield "I_L_peak_A", self.bench.limits.link_peak_A, "its limit"
-        wiring = self.bench.analyzer.wiring
-        for port, element in ((1, wiring.input), (2, wiring.output)):
-            for quantity, unit in (("U", "V"), ("I", "A")):
-                fixed = self.bench.analyzer.ranges.get(f"{quantity}{element}")
-                if fixed is not None:
-                    column = f"{'V' if quantity == 'U' else 'I'}{port}_{unit}"
-                    yield column, fixed, "the analyzer's range"
-
-    def _derived(self, columns: Mapping[str, FloatArray], asked: Asked) -> dict[str, FloatArray]:
-        """What follows from the forecast and the voltages that are held: port currents, peak of the link."""
-        V1, V2 = self.bench.converter.input_voltage_V, self.bench.converter.output_voltage_V
-        ones = np.ones_like(asked.power_W)
-        found = {"V1_V": V1 * ones, "V2_V": V2 * ones, "I2_A": asked.power_W / V2}
-        if "P1_W" in columns:
-            found["I1_A"] = columns["P1_W"] / V1
-        if "I_L_pp_A" in columns:
-            found["I_L_peak_A"] = columns["I_L_pp_A"] / 2  # the steady state is half-wave symmetric
-        return found
-
-    def _expected(self, name: str, value: FloatArray, ambient_C: float) -> FloatArray:
-        return value + self.heat_margin * (value - ambient_C) if name.startswith("T_") else value
 
 
 def _reachable(candidates: Box, predict: Predictor) -> tuple[Box, Counter[str]]:

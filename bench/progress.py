@@ -1,18 +1,23 @@
 """What a running campaign tells those who watch: where it is, how far off the simulation is, time left."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-from bench.plan import PlannedPoint
+from bench.plan import Plan, PlannedPoint
 from drivers.clock import Clock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """One moment of a campaign; efficiencies are fractions, times on the bench's clock."""
+    """One moment of a campaign; efficiencies are fractions, times on the bench's clock.
+
+    ``total`` and ``left_s`` are the most there may be where the plan grows: ``at_most``.
+    """
 
     done: int
     total: int
+    at_most: bool = False
     row: PlannedPoint | None = None
     said: str = ""
     measured: float | None = None
@@ -35,10 +40,9 @@ def silent(_: Progress) -> None:
 class Tracker:
     """Counts points and residuals, and reports them."""
 
-    def __init__(
-        self, rows: Sequence[PlannedPoint], clock: Clock, report: Callable[[Progress], None]
-    ) -> None:
-        self._total, self._clock, self._report = len(rows), clock, report
+    def __init__(self, plan: Plan, clock: Clock, report: Callable[[Progress], None]) -> None:
+        self._total, self._grows = plan.most or len(plan.points), plan.most is not None
+        self._clock, self._report = clock, report
         self._first_s: float | None = None
         self._residuals: list[float] = []
         self.accepted = self.rejected = 0
@@ -50,13 +54,13 @@ class Tracker:
 
     def say(self, what: str) -> None:
         """Something other than a point."""
-        self._report(Progress(done=self.done, total=self._total, said=what))
+        self._report(self._now(said=what))
 
     def begin(self, row: PlannedPoint) -> None:
         """A point is about to be set."""
         if self._first_s is None:
             self._first_s = self._clock.now()
-        self._report(Progress(done=self.done, total=self._total, row=row, left_s=self._left_s()))
+        self._report(self._now(row=row, left_s=self._left_s()))
 
     def finish(
         self, row: PlannedPoint, reason: str | None, *, measured: float | None, predicted: float
@@ -68,9 +72,7 @@ class Tracker:
         if known and reason is None and measured is not None:
             self._residuals.append(measured - predicted)
         self._report(
-            Progress(
-                done=self.done,
-                total=self._total,
+            self._now(
                 row=row,
                 said=f"rejected: {reason}" if reason else "accepted",
                 measured=measured,
@@ -79,6 +81,9 @@ class Tracker:
                 left_s=self._left_s(),
             )
         )
+
+    def _now(self, **more: Any) -> Progress:
+        return Progress(done=self.done, total=self._total, at_most=self._grows, **more)
 
     def _left_s(self) -> float | None:
         if not self.done or self._first_s is None:

@@ -1,10 +1,19 @@
-"""Calibrated physics: the simulator at the most probable state of its parts, and what is left over, smoothed.
+r"""Calibrated physics: the simulator at the most probable state of its parts, and what is left over, smoothed.
 
 The named effects and every everyday spread are fitted to all channels at once; the simulator then runs with
 them. What it still misses in efficiency is carried by a Gaussian process over (D1, D2, power), in watts, which
 falls back to nothing away from the measured points.
+
+How sure it is: what the measurements leave open of spreads and effects has the covariance
+
+.. math:: \Sigma = I - D C'^{-1} D^T
+
+with D their directions in the readings, one prior sigma each, and C' the readings' covariance under the fit. The model
+is kept again at one standard deviation along each of Sigma's axes: the squares of what these variants say differently,
+and the process's own variance, add up.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -17,63 +26,143 @@ from models.diagnosis.refinery import Refinery
 from models.diagnosis.whitener import Whitener
 from sim.model import Model
 from sim.operating_points import Points
-from sim.simulate import simulate
+from sim.simulate import can_run, simulate, simulate_many
 
 Array = NDArray[np.float64]
 
 CALIBRATED = "calibrated"
+_IN_TIME = ("warm_up_drift", "ambient_drift")  # causes that go with time, by a law that is roughly known
+_DRIFT, _TIME_LENGTH = (
+    6e-4,
+    0.2,
+)  # how far off that law may be, of the power; smooth over a fifth of the campaign
+_SURE = 2.0  # standard deviations of the most that can be carried
+_COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
+_FINE = np.arange(0.95, 1.05, 5e-4)  # and of what was found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leftover:
     """A correction of the input power in W from residuals at measured points: smooth, and an analyzer's errors.
 
-    A Gaussian process with covariance ``smooth_W^2 k(x, x') + offset_W^2 + gain^2 P P'``; ``place`` (N, 3) holds
-    the measured (D1, D2, power) and ``weight`` (N,) its fit.
+    A Gaussian process with covariance ``smooth_W^2 k(x, x') + offset_W^2 + (gain^2 + drift^2 k(t, t')) P P'``;
+    ``place`` (N, 4) holds the measured D1, D2, power and time, ``length`` (4,) how far each is smooth over, ``noise_W``
+    (N,) the readings' noise, and ``weight`` (N,) the fit.
     """
 
     place: Array
     weight: Array
+    noise_W: Array
     length: Array
     smooth_W: float = 0.25
     offset_W: float = 0.6
     gain: float = 4e-4
+    drift: float = 0.0
 
     def covariance(self, a: Array, b: Array) -> Array:
-        """Prior covariance of the correction at (N, 3) and (K, 3), in W^2."""
-        smooth = self.smooth_W**2 * kernel(a / self.length, b / self.length)
-        return np.asarray(smooth + self.offset_W**2 + self.gain**2 * a[:, 2:] * b[:, 2])
+        """Prior covariance of the correction at (N, 4) and (K, 4), in W^2."""
+        a_, b_ = a / self.length, b / self.length
+        smooth = self.smooth_W**2 * kernel(a_[:, :3], b_[:, :3])
+        with_power = self.gain**2 + self.drift**2 * kernel(a_[:, 3:], b_[:, 3:])
+        return np.asarray(smooth + self.offset_W**2 + with_power * a[:, 2:3] * b[:, 2])
 
     def fitted(self, residual_W: Array, sigma_W: Array) -> Self:
         """The process given residuals and their noise, (N,)."""
-        prior = self.covariance(self.place, self.place)
-        return replace(self, weight=Whitener.of(prior + np.diag(sigma_W**2)).solve(residual_W))
+        fitted = replace(self, noise_W=sigma_W)
+        return replace(fitted, weight=fitted._readings().solve(residual_W))
+
+    def left_open(self, place: Array) -> Array:
+        """Covariance of the correction at points (K, 4) after the fit, (K, K), in W^2."""
+        across = self.covariance(place, self.place)
+        return np.asarray(self.covariance(place, place) - across @ self._readings().solve(across.T))
+
+    def _readings(self) -> Whitener:
+        return Whitener.of(self.covariance(self.place, self.place) + np.diag(self.noise_W**2))
 
     def watts(self, place: Array) -> Array:
-        """Correction at points (K, 3)."""
+        """Correction at points (K, 4)."""
         return np.asarray(self.covariance(place, self.place) @ self.weight)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedPhysics:
-    """An efficiency model: a calibrated simulator and the leftover that it could not take up."""
+    """An efficiency model: a calibrated simulator, its variants, and the leftover that it could not take up.
+
+    It speaks of the bench as it was at ``time_s``, when the last row was measured.
+    """
 
     model: Model
+    variants: tuple[Model, ...]
     leftover: Leftover
     V1_V: float
     V2_V: float
     ambient_C: float
+    time_s: float
 
     def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
         """Efficiency as a fraction, of the inputs' broadcast shape; NaN where the model cannot run."""
         a, b, c = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (D1, D2, power_W)))
-        points = Points(
-            D1=a.ravel(), D2=b.ravel(), power_W=c.ravel(),
-            V1_V=self.V1_V, V2_V=self.V2_V, ambient_C=self.ambient_C,
+        place = np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1)
+        P1 = simulate(self.model, self._points(place))["P1_W"]
+        return np.asarray((c.ravel() / (P1 + self.leftover.watts(self._now(place)))).reshape(a.shape))
+
+    def left_open(self, place: Array) -> Array:
+        """Covariance of the predicted efficiency at points (K, 3) of D1, D2 and power, (K, K).
+
+        What a variant cannot run says nothing there.
+        """
+        points = self._points(place)
+        P1, *others = (r["P1_W"] for r in simulate_many([self.model, *self.variants], points))
+        moved = np.nan_to_num(np.stack(others) - P1)
+        per_watt = place[:, 2] / P1**2
+        watts = moved.T @ moved + self.leftover.left_open(self._now(place))
+        return np.asarray(per_watt[:, None] * watts * per_watt)
+
+    def vouched(self) -> "Vouched":
+        """The same model, without the points of which it is not sure that they carry their power."""
+        return Vouched(of=self, spare=_SURE * self._limit_sigma())
+
+    def _limit_sigma(self) -> float:
+        """Standard deviation of the most that can be carried, relative, with the widest pulses."""
+        (nominal_W,) = self._most_W([self.model], self.model.altered_converter().rated_power_W * _COARSE)
+        most_W = self._most_W(self.variants, nominal_W * _FINE)
+        return float(np.linalg.norm(most_W / nominal_W - 1))
+
+    def _most_W(self, models: Sequence[Model], tried_W: Array) -> Array:
+        """The largest of the ascending powers tried that each model carries."""
+        place = np.stack([np.ones_like(tried_W), np.zeros_like(tried_W), tried_W], axis=1)
+        points = self._points(place)
+        return np.array([tried_W[max(int(np.count_nonzero(can_run(m, points))) - 1, 0)] for m in models])
+
+    def _now(self, place: Array) -> Array:
+        """Points (K, 3) with the time."""
+        return np.column_stack([place, np.full(len(place), self.time_s)])
+
+    def _points(self, place: Array) -> Points:
+        D1, D2, power_W = place.T
+        return Points(
+            D1=D1, D2=D2, power_W=power_W, V1_V=self.V1_V, V2_V=self.V2_V, ambient_C=self.ambient_C, time_s=self.time_s
         )  # fmt: skip
-        P1 = simulate(self.model, points)["P1_W"]
-        extra = self.leftover.watts(np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1))
-        return np.asarray((c.ravel() / (P1 + extra)).reshape(a.shape))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vouched:
+    """A calibrated model that predicts only where it could carry a ``spare`` share of the power more."""
+
+    of: CalibratedPhysics
+    spare: float
+
+    def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
+        """As that of the calibrated model; NaN too where there is not that much to spare."""
+        efficiency = self.of.predict(D1, D2, power_W)
+        carried = np.flatnonzero(np.isfinite(efficiency))
+        place = np.stack(
+            [np.broadcast_to(x, efficiency.shape).ravel()[carried] for x in (D1, D2, power_W)], axis=1
+        )
+        place[:, 2] *= 1 + self.spare
+        runs = can_run(self.of.model, self.of._points(place))
+        efficiency.ravel()[carried[~runs]] = np.nan
+        return efficiency
 
 
 def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
@@ -82,24 +171,50 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
     ``sigma`` (M,) is the noise of the readings.
 
     The analyzer's gain and offset inside their specification go to the leftover: the surrogate predicts what
-    the bench shows. Voltages and ambient are those of the campaign, its medians.
+    the bench shows. Voltages and ambient are those of the campaign, its medians; time is its end.
     """
     observations = refinery.observations
     model = refinery.model(fit, refinery.spreads(fit))
     loads = observations.of("efficiency") & observations.loaded[observations.row]
-    residual = observations.value - observations.simulate([model])[0]
+    residual = observations.value - observations.simulate([model], refinery.near)[0]
     usable = loads & np.isfinite(residual)
     p = observations.points
-    where = np.stack([p.D1, p.D2, p.power_W], axis=1)
+    where = np.stack([p.D1, p.D2, p.power_W, p.time_s], axis=1)
+    time_s = np.asarray(p.time_s, dtype=np.float64)
+    none = np.zeros(int(usable.sum()))
     empty = Leftover(
         place=where[observations.row[usable]],
-        weight=np.zeros(int(usable.sum())),
-        length=length_scale(observations),
+        weight=none,
+        noise_W=none,
+        length=np.append(length_scale(observations), max(_TIME_LENGTH * float(np.ptp(time_s)), 1.0)),
+        drift=_DRIFT if set(_IN_TIME) & set(fit.effects) else 0.0,
     )
     return CalibratedPhysics(
         model=model,
+        variants=tuple(_variants(refinery, fit)),
         leftover=empty.fitted(residual[usable], sigma[usable]),
         V1_V=float(np.median(np.asarray(p.V1_V))),
         V2_V=float(np.median(np.asarray(p.V2_V)[observations.loaded])),
         ambient_C=float(np.median(np.asarray(p.ambient_C))),
+        time_s=float(time_s.max()),
     )
+
+
+def _variants(refinery: Refinery, fit: Fit) -> Iterator[Model]:
+    """The model at one standard deviation along each axis of what the measurements leave open."""
+    known, own = refinery.known, fit.own(refinery.known)
+    size, prior = len(known.spread_entries), np.array([t.head.prior for t in fit.terms])
+    directions = np.concatenate(
+        [known.spreads[:size], *(p * t.slope[None] for p, t in zip(prior, fit.terms, strict=True))]
+    )
+    directions[own[own < size]] = 0.0
+    inner = directions @ refinery.geometry.solve(directions, own).T
+    across = inner[:, size:]  # the effects have no part in the covariance yet
+    inner -= across @ np.linalg.solve(np.eye(prior.size) + across[size:], across.T)
+    left = np.eye(len(inner)) - inner
+    left[own[own < size]] = 0.0
+    variance, axes = np.linalg.eigh(0.5 * (left + left.T))
+    spreads = refinery.spreads(fit)
+    for length, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
+        step = length * axis
+        yield refinery.model(fit.moved(prior * step[size:]), spreads + step[:size])

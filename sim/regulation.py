@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, orbit_at, periodic, settle, step_once
+from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, half_period, periodic, settle, step_once
 from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def regulate(
         found = search.solve(way[again] * target_W[again], accuracy.power)
         state[:, again], met[again], limit[again], most_W[again] = found
     if again.size or asked.size < way.size:
-        orbit = orbit_at(circuit, edges, state, accuracy)
+        orbit, _ = half_period(circuit, edges, state, accuracy)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
 
 

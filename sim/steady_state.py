@@ -342,9 +342,12 @@ def settle(
     return whole, orbit, met
 
 
-def orbit_at(circuit: Circuit, edges: Array, state: Array, accuracy: Accuracy = FINE) -> Orbit:
-    """The half period from a state, whether it closes or not."""
-    return _Sweep.of(circuit, edges, state).orbit(state, accuracy)
+def half_period(
+    circuit: Circuit, edges: Array, state: Array, accuracy: Accuracy = FINE
+) -> tuple[Orbit, Array]:
+    """The half period from a state (6, N), and by how much it does not close: current in A, delays in Th, (5, N)."""
+    sweep = _Sweep.of(circuit, edges, state)
+    return sweep.orbit(state, accuracy), np.concatenate([sweep.gap_A[None], sweep.late])
 
 
 def periodic(circuit: Circuit, edges: Array, start_A: Array, delay: Array) -> Orbit:
@@ -355,7 +358,7 @@ def periodic(circuit: Circuit, edges: Array, start_A: Array, delay: Array) -> Or
     if not open_.size:
         return orbit
     state[:, open_] = _anderson(circuit.take(open_), edges[:, open_], guess[:, open_])
-    return orbit_at(circuit, edges, state)
+    return half_period(circuit, edges, state)[0]
 
 
 def _anderson(circuit: Circuit, edges: Array, state: Array) -> Array:

@@ -47,8 +47,14 @@ def _now(progress: Progress) -> str:
     if progress.mean_residual is not None:
         parts.append(f"mean difference {progress.mean_residual * PERCENT:+.3f} points")
     if progress.left_s is not None:
-        parts.append(f"{duration(progress.left_s)} left")
+        parts.append(_left(progress.left_s, progress.at_most))
+    if progress.row is not None and progress.row.why:
+        parts.append(progress.row.why)
     return ", ".join(part for part in parts if part)
+
+
+def _left(seconds: float, at_most: bool) -> str:
+    return f"{'at most ' if at_most else ''}{duration(seconds)} left"
 
 
 def _table(last: deque[Progress]) -> Table:
@@ -77,7 +83,8 @@ def _points(value: float | None) -> str:
 
 def _print_line(progress: Progress) -> None:
     if progress.said:
-        err.print(escape(f"{progress.done}/{progress.total} {one_line(progress)}"))
+        total = f"{'at most ' if progress.at_most else ''}{progress.total}"
+        err.print(escape(f"{progress.done}/{total} {one_line(progress)}"))
 
 
 def one_line(progress: Progress) -> str:
@@ -90,7 +97,9 @@ def one_line(progress: Progress) -> str:
     if progress.mean_residual is not None:
         parts.append(f"mean so far {progress.mean_residual * PERCENT:+.3f}")
     if progress.left_s is not None:
-        parts.append(f"{duration(progress.left_s)} left")
+        parts.append(_left(progress.left_s, progress.at_most))
+    if progress.row is not None and progress.row.why:
+        parts.append(progress.row.why)
     return ", ".join(part for part in parts if part)
 
 

@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 from bench.states import FINISHED
 from bench.store.database import Database
 from bench.store.reader import Row
-from bench.store.tables import events, points, readings
+from bench.store.tables import events, points, readings, why
 
 _SHOWN = ("P2_W", "efficiency", "u_efficiency", "time_s")
 
@@ -26,9 +26,9 @@ class Following:
             return int(db.execute(query).scalar() or 0)
 
     def planned(self, campaign_id: int) -> list[Row]:
-        """The set points in the order of the plan, with ``predicted_efficiency`` (None before it is known)."""
+        """The set points in the order of the plan; ``predicted_efficiency`` and ``why`` are None where unknown."""
         asked = (points.c[name] for name in ("id", "kind", "D1", "D2", "P_set_W", "predicted"))
-        query = select(*asked).where(points.c.campaign_id == campaign_id).order_by(points.c.position)
+        query = select(*asked, why()).where(points.c.campaign_id == campaign_id).order_by(points.c.position)
         with self._db.reading() as db:
             rows = [dict(row) for row in db.execute(query).mappings()]
         for row in rows:

@@ -2,14 +2,15 @@
 
 A step is a compare-and-set: it is taken only from a state that may lead there, so that no step is done twice and
 none is left out, whoever tries. A point has at most one reading; a campaign asked for twice under one key is made
-once. All points are in the ledger, as planned, before anything is switched on.
+once. All points are in the ledger, as planned, before anything is switched on; those of a plan that grows, with why
+they were chosen, before any of them is set.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from sqlalchemy import Insert, RowMapping, insert, select, update
+from sqlalchemy import Insert, RowMapping, func, insert, select, update
 
 from bench.errors import StateError
 from bench.plan import PlannedPoint
@@ -17,7 +18,18 @@ from bench.process import Owner
 from bench.states import FINISHED, PointState, State, before
 from bench.store.database import Database
 from bench.store.row import finite, missing, new_id, utc
-from bench.store.tables import NUMBERS, SETTINGS, campaigns, events, points, readings, sessions
+from bench.store.tables import (
+    CHOICE,
+    CHOSEN,
+    NUMBERS,
+    SETTINGS,
+    campaigns,
+    events,
+    points,
+    readings,
+    sessions,
+    why,
+)
 from bench.versions import versions
 
 GOOD = "good"
@@ -82,6 +94,28 @@ class Ledger:
                 db.execute(insert(points), rows)
             db.execute(event_row(campaign_id, State.PLANNED, detail=said))
         return campaign_id
+
+    def grow(
+        self, campaign_id: int, rows: Sequence[PlannedPoint], *, time_s: float, said: Sequence[str] = ()
+    ) -> None:
+        """More points as planned, behind the last one, each with an event that tells why; and what else is ``said``.
+
+        All of it is there, or nothing: who dies in between has chosen nothing.
+        """
+        with self._db.durable() as db:
+            last = db.execute(
+                select(func.max(points.c.position)).where(points.c.campaign_id == campaign_id)
+            ).scalar()
+            first = 0 if last is None else int(last) + 1
+            for line in said:
+                db.execute(event_row(campaign_id, CHOICE, time_s=time_s, detail=line))
+            for position, row in enumerate(rows, start=first):
+                made = db.execute(insert(points).values(_planned(campaign_id, position, row)))
+                chosen = event_row(campaign_id, CHOSEN, point_id=new_id(made), time_s=time_s, detail=row.why)
+                db.execute(chosen)
+            db.execute(
+                update(campaigns).where(campaigns.c.id == campaign_id).values(planned=first + len(rows))
+            )
 
     def move(self, campaign_id: int, old: State, new: State, *, time_s: float, detail: str = "") -> None:
         """From one state to the next; StateError when the campaign does not stand where it should."""
@@ -222,9 +256,9 @@ class Ledger:
             db.execute(event_row(campaign_id, PointState.MEASURED, point_id=point_id, time_s=time_s))
 
     def unfinished(self, campaign_id: int) -> list[RowMapping]:
-        """The points still to be measured, in the order of the plan."""
+        """The points still to be measured, in the order of the plan, with ``why`` where they were chosen."""
         open_ones = points.c.state.not_in([*FINISHED, PointState.MEASURED])
-        query = select(points).where(points.c.campaign_id == campaign_id, open_ones)
+        query = select(points, why()).where(points.c.campaign_id == campaign_id, open_ones)
         with self._db.reading() as db:
             return list(db.execute(query.order_by(points.c.position)).mappings())
 

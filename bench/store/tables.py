@@ -7,11 +7,13 @@ from sqlalchemy import (
     Float,
     ForeignKey,
     Integer,
+    Label,
     MetaData,
     String,
     Table,
     Text,
     UniqueConstraint,
+    select,
 )
 
 SCHEMA = 2  # of the tables below; a database of another one is refused
@@ -26,6 +28,8 @@ NUMBERS = (
 )  # fmt: skip
 SETTINGS = ("time_s", "D1", "D2", "P_set_W")  # of these, known although nothing was measured
 COLUMNS = ("point", "repeat", "kind", *NUMBERS, "settled", "quality", "lab")
+CHOICE = "choice"  # event: what a campaign that chooses its points goes by
+CHOSEN = "chosen"  # event of a point: why it was
 VIRTUAL, HARDWARE = "virtual", "hardware"  # values of the column lab
 
 schema = Table("d2ea_schema", metadata, Column("version", Integer, primary_key=True))
@@ -183,3 +187,9 @@ diagnoses = Table(
     Column("created", String, nullable=False),
     Column("verdict", JSON, nullable=False),
 )
+
+
+def why() -> Label[str | None]:
+    """Column ``why`` of a query of points: the question that a chosen one answers, None for the others."""
+    told = select(events.c.detail).where(events.c.point_id == points.c.id, events.c.event == CHOSEN)
+    return told.scalar_subquery().label("why")

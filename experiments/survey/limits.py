@@ -99,8 +99,8 @@ def _command(bench: Bench, rng: np.random.Generator, limits: Limits) -> None:
     match str(rng.choice(COMMANDS)):
         case "row":
             kind = Kind(str(rng.choice([kind.value for kind in Kind])))
-            numbers = {"D1": _wild(rng, 1.0), "D2": _wild(rng, 0.6), "power_W": _wild(rng, limits.power_W)}
-            bench.set_point(PlannedPoint(point=0, repeat=0, kind=kind, **numbers))
+            D1, D2, power_W = _wild(rng, 1.0), _wild(rng, 0.6), _wild(rng, limits.power_W)
+            bench.set_point(PlannedPoint(point=0, repeat=0, kind=kind, D1=D1, D2=D2, power_W=power_W))
         case "modulation":
             instruments.controller.set_modulation(_wild(rng, 1.0), _wild(rng, 1.0))
         case "voltage":

@@ -14,11 +14,13 @@ from sim.simulate import can_run, simulate_many
 Array = NDArray[np.float64]
 SetPoint = tuple[float, float, float]
 
+UNLOADED = ("standby", "no_load")
 _POINT_MIN, _UNLOADED_MIN, _REBUILD_MIN = 4.0, 1.5, 15.0
 _AMBIENT_K, _AMBIENT_MIN = 15.0, 60.0
 _DEAD_TIME_s = 200e-9
 _SPARE = 0.05  # of the power that a proposed point must leave
 _AXES = (5, 5, 6)  # points over the measured ranges of D1, D2 and power
+_AGAIN = 12  # measured points at most that may be measured again
 _PORT_1 = ("analyzer_gain", "analyzer_offset", "analyzer_range_step")
 _WINDING_Ohm = 1e-3  # what four wires are good to
 _LINK_V = 200.0  # Assumption: rms current is about power over this, as far as its noise matters
@@ -29,61 +31,107 @@ _CURRENT = (5e-4, 2e-3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Allowed:
+    """What may be proposed, and the bench minutes that it takes.
+
+    ``set_points`` (N, 3) of D1, D2 and power in W; without them the measured ones and a grid over their ranges.
+    ``by_hand`` allows what somebody has to come for: another wiring, another dead time, a warmer room. A step has to
+    separate two explanations by ``least_sigma``.
+    """
+
+    set_points: Array | None = None
+    loaded_min: float = _POINT_MIN
+    unloaded_min: float = _UNLOADED_MIN
+    by_hand: bool = True
+    least_sigma: float = 0.5
+
+
+ANYTHING = Allowed()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
-    """One thing to do: what it is called, the bench minutes it takes, and where."""
+    """One thing to do: what it is called, the bench minutes it takes, where, and whether it is done by hand."""
 
     action: str
     minutes: float
     set_point: SetPoint | None = None
+    by_hand: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """K things to do, the readings that R models expect of them (R, K, channels), and their noise (K, channels)."""
+    """K things to do, the readings that R models expect of them (R, K, channels), and their noise (K, channels).
+
+    ``points`` are where the first of them are done; those behind are done without the converter.
+    """
 
     what: tuple[Option, ...]
     readings: Array
     sigma: Array
+    points: Points
 
     @property
     def minutes(self) -> Array:
         """Bench minutes of each, (K,)."""
         return np.array([o.minutes for o in self.what])
 
-    def distance2(self, i: int, j: int) -> Array:
-        """Squared separation of two models by each channel of each option, (K, channels)."""
-        return np.asarray(np.nan_to_num((self.readings[i] - self.readings[j]) / self.sigma) ** 2)
+    def take(self, chosen: Sequence[int], channels: Sequence[int]) -> "Options":
+        """Some of them, by some of the channels."""
+        rows, columns = np.array(chosen, dtype=np.intp), np.array(channels, dtype=np.intp)
+        return Options(
+            what=tuple(self.what[k] for k in chosen),
+            readings=self.readings[:, rows[:, None], columns],
+            sigma=self.sigma[rows[:, None], columns],
+            points=self.points.take(rows[rows < len(self.points)]),
+        )
 
 
 def bench_options(
-    observations: Observations, models: Sequence[Model], channels: Sequence[Channel]
+    observations: Observations,
+    models: Sequence[Model],
+    channels: Sequence[Channel],
+    allowed: Allowed = ANYTHING,
 ) -> Options:
-    """Everything that can be done within the measured ranges, in one look at it by every model."""
-    points = _points(observations, models)
+    """Everything that is allowed, in one look at it by every model."""
+    points = _points(observations, models, allowed)
+    if not allowed.by_hand:
+        return Options(
+            what=tuple(_measured(points, allowed)),
+            readings=_readings(models, points, channels),
+            sigma=_sigma(channels, np.asarray(points.power_W)),
+            points=points,
+        )
     most = int(np.argmax(np.asarray(points.power_W)))
     at, one = _set_points(points)[most], points.take(np.array([most]))
     warmer = replace(one, ambient_C=np.asarray(one.ambient_C) + _AMBIENT_K)
     what = [
-        *_measured(points),
+        *_measured(points, allowed),
         Option(
             action=f"warm the room by {_AMBIENT_K:.0f} K and measure {said(at)}",
             minutes=_AMBIENT_MIN,
             set_point=at,
+            by_hand=True,
         ),
     ]
     blocks = [(list(models), Points.join([points, warmer]))]
     for said_so, change in _REBUILT.items():
-        what.append(Option(action=f"{said_so} {said(at)}", minutes=_REBUILD_MIN, set_point=at))
+        action = f"{said_so} {said(at)}"
+        what.append(Option(action=action, minutes=_REBUILD_MIN, set_point=at, by_hand=True))
         blocks.append(([change(m) for m in models], one))
-    what.append(Option(action="measure the ac link's resistance with four wires, warm", minutes=_REBUILD_MIN))
+    four_wires = "measure the ac link's resistance with four wires, warm"
+    what.append(Option(action=four_wires, minutes=_REBUILD_MIN, by_hand=True))
     seen = [_readings(models_, where, channels) for models_, where in blocks]
-    power = np.concatenate([np.asarray(where.power_W) for _, where in blocks])
+    places = Points.join([where for _, where in blocks])
     ohms = np.full((len(models), 1, len(channels)), np.nan)
     ohms[:, 0, 0] = [_link_Ohm(m) for m in models]
     return Options(
         what=tuple(what),
         readings=np.concatenate([*seen, ohms], axis=1),
-        sigma=np.concatenate([_sigma(channels, power), np.full((1, len(channels)), _WINDING_Ohm)]),
+        sigma=np.concatenate(
+            [_sigma(channels, np.asarray(places.power_W)), np.full((1, len(channels)), _WINDING_Ohm)]
+        ),
+        points=places,
     )
 
 
@@ -92,13 +140,11 @@ def _readings(models: Sequence[Model], points: Points, channels: Sequence[Channe
     return np.stack([np.stack([r[c.column] for c in channels], axis=-1) for r in results])
 
 
-def _points(observations: Observations, models: Sequence[Model]) -> Points:
-    """Standby, no load, the measured points again and a grid over their ranges, as far as every model runs there."""
+def _points(observations: Observations, models: Sequence[Model], allowed: Allowed) -> Points:
+    """Standby, no load, and what is allowed with load, as far as every model runs there."""
     p, loaded = observations.points, observations.loaded
-    measured = [np.asarray(x)[loaded] for x in (p.D1, p.D2, p.power_W)]
-    axes = [np.linspace(x.min(), x.max(), count) for x, count in zip(measured, _AXES, strict=True)]
-    grid = [a.ravel() for a in np.meshgrid(*axes, indexing="ij")]
-    D1, D2, power = (np.concatenate(pair) for pair in zip(measured, grid, strict=True))
+    set_points = _around(observations) if allowed.set_points is None else allowed.set_points
+    D1, D2, power = set_points.T
     like = Points(
         D1=D1, D2=D2, power_W=power,
         V1_V=float(np.median(np.asarray(p.V1_V)[loaded])),
@@ -111,16 +157,25 @@ def _points(observations: Observations, models: Sequence[Model]) -> Points:
     return Points.join([replace(idle, pwm=False, D1=1.0, D2=0.0), idle, like.take(runs)])
 
 
+def _around(observations: Observations) -> Array:
+    """A grid over the measured ranges, and some of the measured points again, (N, 3)."""
+    p, loaded = observations.points, np.flatnonzero(observations.loaded)
+    measured = np.stack([np.asarray(x)[loaded] for x in (p.D1, p.D2, p.power_W)], axis=1)
+    axes = [np.linspace(x.min(), x.max(), count) for x, count in zip(measured.T, _AXES, strict=True)]
+    grid = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
+    return np.concatenate([measured[:: -(-len(measured) // _AGAIN)], grid])
+
+
 def _set_points(points: Points) -> list[SetPoint]:
     columns = (np.asarray(x).tolist() for x in (points.D1, points.D2, points.power_W))
     return list(zip(*columns, strict=True))
 
 
-def _measured(points: Points) -> list[Option]:
+def _measured(points: Points, allowed: Allowed) -> list[Option]:
     """Standby, no load, and a measurement at every point after those two."""
-    unloaded = [Option(action=name, minutes=_UNLOADED_MIN) for name in ("standby", "no_load")]
+    unloaded = [Option(action=name, minutes=allowed.unloaded_min) for name in UNLOADED]
     loaded = [
-        Option(action=f"measure {said(at)}", minutes=_POINT_MIN, set_point=at)
+        Option(action=f"measure {said(at)}", minutes=allowed.loaded_min, set_point=at)
         for at in _set_points(points)[2:]
     ]
     return unloaded + loaded

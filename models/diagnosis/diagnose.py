@@ -11,13 +11,21 @@ from numpy.typing import NDArray
 
 from models.calibrated import CalibratedPhysics, calibrate
 from models.dataset import Measurements
+from models.diagnosis.bench_options import Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.gain import Gain, Readings, held_out_gains
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.next_measurement import NextMeasurement, next_measurements, rivals_of
+from models.diagnosis.next_measurement import (
+    MOST_STEPS,
+    NextMeasurement,
+    Rival,
+    next_measurements,
+    rivals_of,
+)
 from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
+from models.diagnosis.refinery import Refinery
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
 from models.diagnosis.signatures import power_to_spare, signatures
@@ -51,12 +59,20 @@ class Diagnosis:
     share: dict[str, float]
     gains: tuple[Gain, ...]
     next: list[NextMeasurement]
+    rivals: list[Rival]
+    refinery: Refinery
     unexplained: Unexplained | None
     sight: list[Sight]
     extended: Model
     calibrated: CalibratedPhysics
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
+
+    def steps(self, allowed: Allowed, most: int = MOST_STEPS) -> list[NextMeasurement]:
+        """What is worth measuring next of what is allowed, in its order, so many measurements at most."""
+        return next_measurements(
+            self.observations, self.rivals, refinery=self.refinery, most=most, allowed=allowed
+        )
 
     def residual_table(self) -> pd.DataFrame:
         """Measured less simulated by row: the rows' set points, one column a channel, and what is left over."""
@@ -305,7 +321,7 @@ def diagnose(
     )
     if verdict.stated:
         progress("holding out blocks")
-    chosen = _leading(hypotheses, verdict)
+    chosen, rivals = _leading(hypotheses, verdict), rivals_of(hypotheses, refinery)
     return Diagnosis(
         verdict=verdict,
         observations=observations,
@@ -315,7 +331,9 @@ def diagnose(
         gap=_gap(observations, refinery.residual),
         share={c.effect: _share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
         gains=_gains(setting, hypotheses, verdict, seed),
-        next=next_measurements(observations, rivals_of(hypotheses, refinery)),
+        next=next_measurements(observations, rivals, refinery=refinery),
+        rivals=rivals,
+        refinery=refinery,
         unexplained=nameless,
         sight=sight(refinery),
         extended=_extended(baseline, verdict, chosen),

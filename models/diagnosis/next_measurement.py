@@ -1,9 +1,14 @@
 r"""What to measure next: the points and actions that tell the remaining explanations apart, best per minute.
 
-For two explanations i and j that fit what was measured, a reading with noise sigma separates them by
-:math:`d_{ij} = |y_i - y_j| / \sigma`, summed in squares over channels. Steps are chosen one after the other: each is
-worth :math:`\sum p_i p_j \exp(-D_{ij}^2/2) \, d_{ij}^2 / 2` per minute, with :math:`D_{ij}` what the steps before
-it separate already. Where no step can, the channel is named that would.
+Two explanations i and j that fit what was measured expect other readings y of an option. It separates them by
+
+.. math:: d_{ij}^2 = (y_i - y_j)^T (V + \operatorname{diag}(\sigma^2))^{-1} (y_i - y_j)
+
+with V what the measurements leave open (:mod:`models.diagnosis.left_open`), the mean of what it is under i and under j:
+a part's spread or the simulation's own inaccuracy that explains the difference as well is no separation, and a point
+that was measured tells less of itself and of its neighbours. Steps are chosen one after the other, each with those
+before it taken as measured: worth :math:`\sum p_i p_j \exp(-D_{ij}^2/2) \, d_{ij}^2 / 2` per minute, with
+:math:`D_{ij}` what they separate already. Where no step can, the channel is named that would.
 """
 
 from collections.abc import Sequence
@@ -14,10 +19,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.bench_options import Option, Options, SetPoint, bench_options
+from models.diagnosis.bench_options import ANYTHING, Allowed, Option, Options, SetPoint, bench_options
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.observations import CHANNELS, Observations
+from models.diagnosis.left_open import Ahead, left_open
+from models.diagnosis.observations import CHANNELS, Channel, Observations
 from models.diagnosis.refinery import Refinery
 from sim.model import Model
 
@@ -25,6 +31,7 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 10
 SEPARATED = 4.0  # sigmas at which the worse of two explanations keeps less than one part in a thousand
+NO_FIT = Fit(terms=(), shift=np.empty(0))
 _LEAST = 0.03  # probability from which an explanation takes part
 _MOST_RIVALS = 6
 _WORTH_DOING = 0.5  # sigmas
@@ -34,7 +41,7 @@ _WORTH_DOING = 0.5  # sigmas
 class NextMeasurement:
     """An action, the effects it separates, by how many sigmas, the bench minutes it takes, and its set point.
 
-    Sigmas and minutes are those of all ``repeats`` together.
+    Sigmas and minutes are those of all ``repeats`` together. ``by_hand`` is what a campaign cannot do itself.
     """
 
     action: str
@@ -43,6 +50,7 @@ class NextMeasurement:
     minutes: float
     set_point: SetPoint | None = None
     repeats: int = 1
+    by_hand: bool = False
 
     @classmethod
     def of(cls, option: Option, separates: tuple[str, ...], distance2: float) -> Self:
@@ -53,16 +61,16 @@ class NextMeasurement:
             expected_sigma=float(np.sqrt(distance2)),
             minutes=option.minutes,
             set_point=option.set_point,
+            by_hand=option.by_hand,
         )
 
-    def once_more(self) -> Self:
-        """The same step with one repeat more."""
-        n = self.repeats + 1
+    def once_more(self, again: Self) -> Self:
+        """The same step with one repeat more, which adds what it tells."""
         return replace(
             self,
-            repeats=n,
-            minutes=self.minutes * n / self.repeats,
-            expected_sigma=self.expected_sigma * (n / self.repeats) ** 0.5,
+            repeats=self.repeats + again.repeats,
+            minutes=self.minutes + again.minutes,
+            expected_sigma=float(np.hypot(self.expected_sigma, again.expected_sigma)),
         )
 
     def as_plain(self) -> dict[str, object]:
@@ -80,11 +88,12 @@ class NextMeasurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rival:
-    """An explanation that is still possible: its effects, probability and the model that it makes."""
+    """An explanation that is still possible: its effects, probability, the model that it makes, and its fit."""
 
     effects: tuple[str, ...]
     probability: float
     model: Model
+    fit: Fit = NO_FIT
 
 
 def rivals_of(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> list[Rival]:
@@ -96,64 +105,154 @@ def rivals_of(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> list[Riva
         total[h.fit.effects] = total.get(h.fit.effects, 0.0) + h.probability
     chosen = sorted(((p, e) for e, p in total.items() if p >= _LEAST), reverse=True)[:_MOST_RIVALS]
     return [
-        Rival(effects=e, probability=p, model=refinery.model(fits[e], refinery.spreads(fits[e])))
+        Rival(
+            effects=e,
+            probability=p,
+            model=refinery.model(fits[e], refinery.spreads(fits[e])),
+            fit=fits[e],
+        )
         for p, e in chosen
     ]
 
 
 def next_measurements(
-    observations: Observations, rivals: Sequence[Rival], most: int = MOST_STEPS
+    observations: Observations,
+    rivals: Sequence[Rival],
+    *,
+    refinery: Refinery | None = None,
+    most: int = MOST_STEPS,
+    allowed: Allowed = ANYTHING,
 ) -> list[NextMeasurement]:
-    """The steps to take, in their order, until the rivals are apart; none where one explanation is left."""
+    """The allowed steps to take, in their order, until the rivals are apart; none where one explanation is left.
+
+    First what is best per minute. Where some of it is done by hand, behind it what set points alone can tell; where
+    they leave a pair tied, the channel that is missing. The ``refinery`` knows what the measurements leave open;
+    without one every rival is taken at its word.
+    """
     if len(rivals) < 2:
         return []
-    present = [c for c in CHANNELS if c in observations.channels]
-    options = bench_options(observations, [r.model for r in rivals], present)
-    steps, apart = _chosen(options, rivals, most)
-    tied = [pair for pair, d2 in apart.items() if d2 < SEPARATED**2]
-    return steps + (_missing_channel(observations, [rivals[k] for k in tied[0]]) if tied else [])
+    options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed)
+    everything = _Race.of(options, rivals, refinery)
+    present = [k for k, c in enumerate(CHANNELS) if c in observations.channels]
+    steps, reached = everything.among(range(len(options.what)), present).steps(most, allowed.least_sigma)
+    alone = [k for k, option in enumerate(options.what) if not option.by_hand]
+    if any(step.by_hand for step in steps):
+        others, reached = everything.among(alone, present).steps(most, allowed.least_sigma)
+        steps += [step for step in others if step.action not in {s.action for s in steps}]
+    absent = [k for k in range(len(CHANNELS)) if k not in present]
+    tied = [k for k, d2 in enumerate(reached) if d2 < SEPARATED**2]
+    if tied and absent:
+        steps += everything.among(alone, absent).missing(tied[0], [CHANNELS[k] for k in absent])
+    return steps
 
 
-def _differ(one: Rival, other: Rival) -> tuple[str, ...]:
-    """Effects that one of two explanations has and the other has not."""
-    return tuple(sorted(set(one.effects) ^ set(other.effects)))
+@dataclass(slots=True)
+class _Race:
+    """How far each pair of R rivals is apart by what was chosen, and what every option would add.
 
+    ``open_`` (R, N, N) is what is left open of the N = K C readings, ``apart`` (2, pairs, N) how differently a pair
+    expects them, as either of its two sees it.
+    """
 
-def _chosen(
-    options: Options, rivals: Sequence[Rival], most: int
-) -> tuple[list[NextMeasurement], dict[tuple[int, int], float]]:
-    """Steps in the order of their worth, and what they separate each pair by, squared."""
-    pairs = list(combinations(range(len(rivals)), 2))
-    weight = np.array([rivals[i].probability * rivals[j].probability for i, j in pairs])
-    d2 = np.stack([np.sum(options.distance2(i, j), axis=-1) for i, j in pairs])
-    reached = np.zeros(len(pairs))
-    steps: dict[int, NextMeasurement] = {}
-    for _ in range(most):
-        if not np.any(reached < SEPARATED**2):
-            break
-        worth = (weight * np.exp(-0.5 * reached)) @ d2 / options.minutes
-        best = int(np.argmax(worth))
-        first = int(np.argmax(np.where(reached < SEPARATED**2, weight * d2[:, best], -1.0)))
-        if d2[first, best] < _WORTH_DOING**2:
-            break
-        reached = reached + d2[:, best]
-        i, j = pairs[first]
-        new = NextMeasurement.of(options.what[best], _differ(rivals[i], rivals[j]), d2[first, best])
-        steps[best] = steps[best].once_more() if best in steps else new
-    return list(steps.values()), dict(zip(pairs, reached.tolist(), strict=True))
+    options: Options
+    rivals: Sequence[Rival]
+    pairs: NDArray[np.intp]
+    open_: Array
+    apart: Array
 
+    @classmethod
+    def of(cls, options: Options, rivals: Sequence[Rival], refinery: Refinery | None) -> Self:
+        """Before anything is chosen."""
+        pairs = np.array(list(combinations(range(len(rivals)), 2)), dtype=np.intp)
+        size = options.sigma.size
+        expected, open_ = options.readings.reshape(len(rivals), size), np.zeros((len(rivals), size, size))
+        if refinery is not None:
+            ahead = Ahead(points=options.points, channels=CHANNELS)
+            found, known = (
+                left_open(refinery, ahead, [r.fit for r in rivals]),
+                len(options.points) * len(CHANNELS),
+            )
+            expected[:, :known] += found.beside
+            open_[:, :known, :known] = found.covariance
+        apart = expected[pairs[:, 0]] - expected[pairs[:, 1]]
+        blind = np.isnan(apart).any(axis=0) | np.isnan(np.diagonal(open_, axis1=1, axis2=2)).any(axis=0)
+        apart[:, blind] = 0.0
+        open_[:, blind] = 0.0
+        open_[:, :, blind] = 0.0
+        return cls(options, rivals, pairs, open_, np.stack([apart, apart]))
 
-def _missing_channel(observations: Observations, two: Sequence[Rival]) -> list[NextMeasurement]:
-    """The channel that is not measured and would separate two rivals best, at the point to use it at; or none."""
-    absent = [c for c in CHANNELS if c not in observations.channels]
-    if not absent:
-        return []
-    d2 = (options := bench_options(observations, [r.model for r in two], absent)).distance2(0, 1)
-    best, channel = (int(k) for k in np.unravel_index(int(np.argmax(d2)), d2.shape))
-    if d2[best, channel] < _WORTH_DOING**2:
-        return []
-    step = NextMeasurement.of(options.what[best], _differ(*two), d2[best, channel])
-    needed = (
-        f"no point will do with the channels measured: measure {absent[channel].column} too; {step.action}"
-    )
-    return [replace(step, action=needed)]
+    def among(self, rows: Sequence[int], channels: Sequence[int]) -> Self:
+        """The same with some of the options, and some of their channels."""
+        grid = np.arange(self.options.sigma.size).reshape(self.options.sigma.shape)
+        kept = grid[np.ix_(list(rows), list(channels))].ravel()
+        return replace(
+            self,
+            options=self.options.take(rows, channels),
+            open_=self.open_[:, kept[:, None], kept],
+            apart=self.apart[:, :, kept],
+        )
+
+    def steps(self, most: int, least_sigma: float) -> tuple[list[NextMeasurement], list[float]]:
+        """Steps in the order of their worth, and what they separate each pair by, squared."""
+        weight = np.array([self.rivals[i].probability * self.rivals[j].probability for i, j in self.pairs])
+        reached, steps = np.zeros(len(self.pairs)), dict[int, NextMeasurement]()
+        for _ in range(most):
+            unsettled = reached < SEPARATED**2
+            if not np.any(unsettled):
+                break
+            gain = self._gains()
+            worth = (weight * np.exp(-0.5 * reached)) @ gain / self.options.minutes
+            best = int(np.argmax(worth))
+            first = int(np.argmax(np.where(unsettled, weight * gain[:, best], -1.0)))
+            if gain[first, best] < least_sigma**2:
+                break
+            reached = reached + gain[:, best]
+            new = NextMeasurement.of(self.options.what[best], self._differ(first), float(gain[first, best]))
+            steps[best] = steps[best].once_more(new) if best in steps else new
+            self._take(best)
+        return list(steps.values()), reached.tolist()
+
+    def missing(self, pair: int, channels: Sequence[Channel]) -> list[NextMeasurement]:
+        """The one of these channels that would separate a pair best, at the point to use it at; or none."""
+        between = self.open_[self.pairs[pair]].mean(axis=0)
+        variance = np.diag(between).reshape(self.options.sigma.shape) + self.options.sigma**2
+        d2 = self.apart[0, pair].reshape(self.options.sigma.shape) ** 2 / variance
+        best, channel = (int(k) for k in np.unravel_index(int(np.argmax(d2)), d2.shape))
+        if d2[best, channel] < _WORTH_DOING**2:
+            return []
+        step = NextMeasurement.of(self.options.what[best], self._differ(pair), float(d2[best, channel]))
+        needed = f"no point will do with the channels measured: measure {channels[channel].column} too"
+        return [replace(step, action=f"{needed}; {step.action}", by_hand=True)]
+
+    def _differ(self, pair: int) -> tuple[str, ...]:
+        """Effects that one explanation of a pair has and the other has not."""
+        one, other = (self.rivals[k].effects for k in self.pairs[pair])
+        return tuple(sorted(set(one) ^ set(other)))
+
+    def _gains(self) -> Array:
+        """Squared sigmas that each option adds to each pair, the mean of what its two expect, (pairs, K)."""
+        count, channels = self.options.sigma.shape
+        grid = np.arange(count * channels).reshape(count, channels)
+        spread = self.open_[:, grid[:, :, None], grid[:, None, :]] + self._noise()
+        total = np.zeros((len(self.pairs), count))
+        for side in (0, 1):
+            apart = self.apart[side][:, grid, None]
+            solved = np.linalg.solve(spread[self.pairs[:, side]], apart)
+            total += 0.5 * np.sum(apart * solved, axis=(2, 3))
+        return total
+
+    def _noise(self) -> Array:
+        """Variances of each option's readings on the diagonal, (K, C, C)."""
+        return np.asarray(self.options.sigma[:, :, None] ** 2 * np.eye(self.options.sigma.shape[1]))
+
+    def _take(self, option: int) -> None:
+        """An option was measured: what is left open of all others, and how far the pairs still differ there."""
+        channels = self.options.sigma.shape[1]
+        block = slice(option * channels, (option + 1) * channels)
+        gain = np.stack(
+            [o[:, block] @ np.linalg.inv(o[block, block] + self._noise()[option]) for o in self.open_]
+        )
+        for side in (0, 1):
+            known = gain[self.pairs[:, side]] @ self.apart[side][:, block, None]
+            self.apart[side] = self.apart[side] - known[:, :, 0]
+        self.open_ = self.open_ - gain @ self.open_[:, block]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim.model import Model
 from sim.operating_points import Points
 from sim.parameters import Converter
-from sim.simulate import Result, simulate_many
+from sim.simulate import Result, reference, simulate_many
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ class Observations:
 
     def reference(self, model: Model) -> Result:
         """A simulation of the rows with readings, for variants to start from."""
-        return simulate_many([model], self.points.take(np.unique(self.row)))[0]
+        return reference(model, self.points.take(np.unique(self.row)))
 
     def simulate(self, models: Sequence[Model], near: Result | None = None) -> list[Array]:
         """Prediction of every reading by each model, in one call; rows without readings are left out.

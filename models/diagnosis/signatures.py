@@ -11,7 +11,7 @@ from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
-from sim.simulate import Points, can_run, simulate
+from sim.simulate import Points, Result, can_run, simulate_many
 from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
@@ -56,7 +56,8 @@ class Signatures:
     The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
     tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
-    ``per_watt`` (M,) its change for one watt more at the output.
+    ``per_watt`` (M,) its change for one watt more at the output. ``near`` is the baseline's simulation at ``rows`` of
+    the frame, for variants to start from.
     """
 
     baseline: Array
@@ -66,6 +67,14 @@ class Signatures:
     spreads: Array
     input_sigma: Array
     per_watt: Array
+    rows: NDArray[np.intp] | None = None
+    near: Result | None = None
+
+    def start(self, observations: Observations) -> Result | None:
+        """The baseline's simulation at the rows with readings."""
+        if self.near is None or self.rows is None:
+            return None
+        return self.near.take(np.searchsorted(self.rows, np.unique(observations.row)))
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
@@ -117,12 +126,13 @@ def signatures(
         models.append(baseline.with_effect(name, **{entry.headline.name: start + step_of(entry), **other}))
     spreads = everyday_spread(baseline.converter)
     models += [Model(converter=s.shifted(baseline.converter, 1.0), effects=baseline.effects) for s in spreads]
-    base, *moved = observations.simulate(models)
+    near = observations.reference(baseline)
+    base, *moved = observations.simulate(models, near)
     found = [
         Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
         for (name, entry, other), after in zip(entries, moved[: len(entries)], strict=True)
     ]
-    (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base)
+    (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base, near)
     effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
     everyday = {
         s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry, spreads)
@@ -136,6 +146,8 @@ def signatures(
         spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, np.stack(list(everyday.values()))]),
         input_sigma=input_sigma,
         per_watt=per_watt,
+        rows=np.unique(observations.row),
+        near=near,
     )
 
 
@@ -185,7 +197,7 @@ def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bo
 
 
 def _inputs(
-    observations: Observations, baseline: Model, base: Array
+    observations: Observations, baseline: Model, base: Array, near: Result
 ) -> tuple[tuple[Array, Array], Array, Array]:
     """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2; and a watt more.
 
@@ -201,7 +213,7 @@ def _inputs(
         replace(p, power_W=p.power_W * (1 + _APART)),
         replace(p, power_W=p.power_W * (1 - _APART)),
     ]
-    result = simulate(baseline, Points.join(moved))
+    (result,) = simulate_many([baseline], Points.join(moved), near)
     V1, V2, P2, more, less = (observations.predicted(result, row + k * used.size) - base for k in range(5))
     folded = observations.of("D0") & ~(np.abs(more + less) < _FOLD)
     P2 = np.where(folded, np.nan, P2)

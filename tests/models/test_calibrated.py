@@ -50,12 +50,13 @@ def test_where_the_model_cannot_run_there_is_no_prediction(calibrated: Calibrate
 
 
 def leftover(place: np.ndarray) -> Leftover:
-    return Leftover(place=place, weight=np.zeros(len(place)), length=np.array([0.2, 0.2, 400.0]))
+    none = np.zeros(len(place))
+    return Leftover(place=place, weight=none, noise_W=none, length=np.array([0.2, 0.2, 400.0, 1.0]))
 
 
 def test_a_leftover_goes_through_quiet_readings() -> None:
     rng = np.random.default_rng(1)
-    place = rng.uniform([0.4, 0.0, 200.0], [1.0, 0.5, 1800.0], (30, 3))
+    place = rng.uniform([0.4, 0.0, 200.0, 0.0], [1.0, 0.5, 1800.0, 1.0], (30, 4))
     residual = 0.3 * np.sin(place[:, 2] / 400.0)
     fitted = leftover(place).fitted(residual, np.full(30, 1e-3))
     np.testing.assert_allclose(fitted.watts(place), residual, atol=0.01)  # ten sigmas of a reading
@@ -63,6 +64,6 @@ def test_a_leftover_goes_through_quiet_readings() -> None:
 
 def test_a_leftover_ignores_what_noise_explains() -> None:
     rng = np.random.default_rng(2)
-    place = rng.uniform([0.4, 0.0, 200.0], [1.0, 0.5, 1800.0], (30, 3))
+    place = rng.uniform([0.4, 0.0, 200.0, 0.0], [1.0, 0.5, 1800.0, 1.0], (30, 4))
     fitted = leftover(place).fitted(0.1 * rng.standard_normal(30), np.full(30, 10.0))
     assert np.max(np.abs(fitted.watts(place))) < 0.01  # readings a hundred times worse than the prior

@@ -1,0 +1,268 @@
+"""Plan ``adaptive``: the next rows of a campaign, chosen from what it has measured.
+
+A choice is a pure function of the accepted rows, the plan so far, the settings and their seed, so that a campaign
+which died between choosing and setting chooses the same again. It goes, in this order, by
+
+1. the question between the explanations that the diagnosis has left: rows that tell them apart, best per minute;
+2. the surrogate: rows where its efficiency is uncertain near the optimum.
+
+It ends with the budget, or when every stated cause is sure, nothing that is left to do here would tell more, and the
+optimum is known well enough. What somebody has to come for (another wiring, four wires, a warmer room) is told, never
+done.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import TYPE_CHECKING, Protocol, Self
+
+import numpy as np
+import pandas as pd
+
+from bench.config import AdaptiveConfig, BenchConfig, CampaignConfig
+from bench.plan import Box, Kind, PlannedPoint, candidates_of
+from bench.prediction import FloatArray, Predictor, model_of
+from models.screening import LOADED_KINDS
+
+if TYPE_CHECKING:
+    from models.diagnosis.diagnose import Diagnosis
+    from models.diagnosis.next_measurement import NextMeasurement
+
+_WORTH_A_BUDGET = 2.0  # sigmas that all rows left have to tell together, for a question to be asked
+_MOST_ASKED = 80  # candidates of which every explanation is asked what it expects
+_LOADED_MIN, _UNLOADED_MIN = 4.0, 1.5  # bench minutes of a row, before any was measured
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """Rows to measure next, none when the campaign has enough; what it goes by, line by line, for people.
+
+    ``verdict`` and ``stated`` are the diagnosis of the rows so far, where there is one.
+    """
+
+    rows: tuple[PlannedPoint, ...] = ()
+    said: tuple[str, ...] = ()
+    verdict: str = ""
+    stated: tuple[str, ...] = ()
+
+
+class Chooses(Protocol):
+    """Anything that lets a plan grow; it must be pure, and fit to be sent to another process."""
+
+    def __call__(self, table: pd.DataFrame, planned: Sequence[PlannedPoint]) -> Choice:
+        """The rows after ``planned``, all of which are done; ``table`` are those accepted."""
+        ...
+
+
+def chooser(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, *, file: str) -> Chooses | None:
+    """Who chooses for this campaign; None for a plan that is known to its end."""
+    if campaign.plan.adaptive is None:
+        return None
+    candidates, _, _ = candidates_of(campaign, bench, predict, file)
+    return Adaptive(campaign=campaign, bench=bench, candidates=candidates)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adaptive:
+    """Chooses among ``candidates`` (N, 3) of D1, D2 and power in W."""
+
+    campaign: CampaignConfig
+    bench: BenchConfig
+    candidates: Box
+
+    def __call__(self, table: pd.DataFrame, planned: Sequence[PlannedPoint]) -> Choice:
+        """As ``Chooses``."""
+        so_far = _SoFar.of(table, planned)
+        left = self._left(so_far)
+        if left <= 0:
+            return Choice(said=(f"enough: the budget of {self._budget()} is used up",))
+        allowed = self._not_refused(so_far)
+        if not len(allowed):
+            return Choice(said=("enough: every candidate was tried and rejected",))
+        found = _diagnosed(table, self.bench)
+        if isinstance(found, str):
+            rows = self._rows(self._lonely(allowed, so_far), left, so_far)
+            return Choice(rows=tuple(rows), said=(f"no diagnosis yet: {found}",))
+        wanted, said = self._informed(found, allowed, so_far, left)
+        return Choice(
+            rows=tuple(self._rows(wanted, left, so_far)),
+            said=tuple(said),
+            verdict=found.verdict.kind,
+            stated=found.verdict.stated,
+        )
+
+    @property
+    def _settings(self) -> AdaptiveConfig:
+        return self.campaign.plan.adaptive or AdaptiveConfig()
+
+    def _budget(self) -> str:
+        minutes = self._settings.minutes
+        return f"{self.campaign.plan.points} rows" + (f" or {minutes:g} minutes" if minutes else "")
+
+    def _left(self, so_far: "_SoFar") -> int:
+        """Rows that the budget still has."""
+        rows = (self.campaign.plan.points or 0) - len(so_far.planned)
+        if self._settings.minutes is None:
+            return rows
+        return min(rows, int((self._settings.minutes - so_far.minutes) / so_far.loaded_min))
+
+    def _not_refused(self, so_far: "_SoFar") -> Box:
+        """Candidates but those whose rows were all rejected."""
+        kept = [place for place in map(tuple, self.candidates.tolist()) if place not in so_far.refused]
+        return np.array(kept).reshape(-1, 3)
+
+    def _lonely(self, allowed: Box, so_far: "_SoFar") -> Iterator[PlannedPoint]:
+        """Points far from all that were measured."""
+        span = np.ptp(self.candidates, axis=0)
+        scale = np.where(span > 0, span, 1.0)
+        known = np.array([(row.D1, row.D2, row.power_W) for row in so_far.planned if row.kind is Kind.LOAD])
+        for _ in range(self._settings.at_once):
+            apart = ((allowed[:, None] - known[None]) / scale) ** 2
+            place = allowed[int(np.argmax(apart.sum(axis=2).min(axis=1)))]
+            known = np.vstack([known, place])
+            yield _load(place, "far from everything measured so far")
+
+    def _informed(
+        self, found: "Diagnosis", allowed: Box, so_far: "_SoFar", left: int
+    ) -> tuple[Iterator[PlannedPoint], list[str]]:
+        """What the diagnosis asks for; where it asks for nothing, what the surrogate does."""
+        from models.diagnosis.bench_options import Allowed
+        from models.near_optimum import least_known
+
+        verdict, settings = found.verdict, self._settings
+        stated = f"verdict so far: {verdict.kind}" + "".join(f" {name}" for name in verdict.stated)
+        may = Allowed(
+            set_points=allowed[:: -(-len(allowed) // _MOST_ASKED)],
+            loaded_min=so_far.loaded_min,
+            unloaded_min=so_far.unloaded_min,
+            by_hand=False,
+            least_sigma=_WORTH_A_BUDGET / left**0.5,
+        )
+        doable = [step for step in found.steps(may, settings.at_once) if not step.by_hand]
+        if doable:
+            return (self._step(step) for step in doable for _ in range(step.repeats)), [stated]
+        said = [stated, *(f"for somebody at the bench: {s.action}" for s in found.next if s.by_hand)]
+        unsure = least_known(found.calibrated, allowed, settings.at_once)
+        if unsure.sigma <= settings.optimum and self._is_sure(found):
+            known = f"the optimum is known to {100 * unsure.sigma:.3f} points"
+            return iter(()), [*said, f"enough: nothing that is left to do here would tell more, and {known}"]
+        why = f"efficiency near the optimum is uncertain, up to {100 * unsure.sigma:.3f} points"
+        return (_load(allowed[k], why) for k in unsure.chosen), said
+
+    def _is_sure(self, found: "Diagnosis") -> bool:
+        """Whether each stated cause is as probable as asked for."""
+        probability = {cause.effect: cause.probability for cause in found.verdict.causes}
+        return found.verdict.kind != "named" or all(
+            probability[name] >= self._settings.probability for name in found.verdict.stated
+        )
+
+    def _step(self, step: "NextMeasurement") -> PlannedPoint:
+        """A step of the diagnosis as a row, with the question that it answers."""
+        parts = ", ".join(step.separates) or "what was stated"
+        why = f"tells about {parts}: {step.expected_sigma:.1f} sigma expected of {step.repeats}"
+        if step.set_point is not None:
+            return _load(step.set_point, why)
+        converter = self.bench.converter
+        idle = _load((converter.start_D1, converter.start_D2, 0.0), why)
+        return replace(idle, kind=Kind(step.action))
+
+    def _rows(self, wanted: Iterator[PlannedPoint], left: int, so_far: "_SoFar") -> Iterator[PlannedPoint]:
+        """As many of the wanted rows as may be, numbered, with the reference as often as the plan has it."""
+        every, since = self.campaign.plan.reference_every, so_far.since_reference
+        numbers, counts = dict(so_far.numbers), dict(so_far.counts)
+        for row in islice(
+            _with_references(wanted, so_far.reference, every, since), min(left, self._settings.at_once)
+        ):
+            key = _place(row)
+            number = numbers.setdefault(key, len(numbers))
+            yield replace(row, point=number, repeat=counts.get(key, 0))
+            counts[key] = counts.get(key, 0) + 1
+
+
+def _with_references(
+    wanted: Iterator[PlannedPoint], reference: PlannedPoint | None, every: int, since: int
+) -> Iterator[PlannedPoint]:
+    for row in wanted:
+        if reference is not None and every and since >= every:
+            yield replace(reference, why="the reference again: noise, and what drifts")
+            since = 0
+        yield row
+        since += row.kind is Kind.LOAD
+
+
+def _load(place: Sequence[float], why: str) -> PlannedPoint:
+    D1, D2, power_W = map(float, place)
+    return PlannedPoint(point=0, repeat=0, kind=Kind.LOAD, D1=D1, D2=D2, power_W=power_W, why=why)
+
+
+def _place(row: PlannedPoint) -> tuple[Kind, float, float, float]:
+    """What tells a point from the others."""
+    return row.kind, row.D1, row.D2, row.power_W
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SoFar:
+    """What a campaign has done: its rows, the minutes that it took and a row of either kind takes, and its points.
+
+    ``refused`` are set points (D1, D2, power) of which no row was accepted.
+    """
+
+    planned: Sequence[PlannedPoint]
+    minutes: float
+    loaded_min: float
+    unloaded_min: float
+    numbers: dict[tuple[Kind, float, float, float], int]
+    counts: dict[tuple[Kind, float, float, float], int]
+    refused: frozenset[tuple[float, float, float]]
+
+    @classmethod
+    def of(cls, table: pd.DataFrame, planned: Sequence[PlannedPoint]) -> Self:
+        """From the accepted rows, and all that were planned until now."""
+        accepted = set(table["point"].astype(int)) if len(table) else set()
+        tried = [row for row in planned if row.kind is Kind.LOAD]
+        spent = _minutes(table)
+        loaded = table["kind"].isin(LOADED_KINDS).to_numpy()[1:] if len(table) else np.empty(0, dtype=bool)
+        return cls(
+            planned=planned,
+            minutes=float(spent.sum()),
+            loaded_min=_usual(spent[loaded], _LOADED_MIN),
+            unloaded_min=_usual(spent[~loaded], _UNLOADED_MIN),
+            numbers={_place(row): row.point for row in planned},
+            counts=Counter(map(_place, planned)),
+            refused=frozenset((r.D1, r.D2, r.power_W) for r in tried if r.point not in accepted),
+        )
+
+    @property
+    def reference(self) -> PlannedPoint | None:
+        """The reference point, where the plan has one."""
+        return next((row for row in self.planned if row.kind is Kind.REFERENCE), None)
+
+    @property
+    def since_reference(self) -> int:
+        """Rows with load after the last reference."""
+        kinds = [row.kind for row in self.planned]
+        last = max((k for k, kind in enumerate(kinds) if kind is Kind.REFERENCE), default=-1)
+        return kinds[last + 1 :].count(Kind.LOAD)
+
+
+def _minutes(table: pd.DataFrame) -> FloatArray:
+    """From each accepted row to the next one, (N - 1,)."""
+    if len(table) < 2:
+        return np.empty(0)
+    return np.asarray(np.diff(table["time_s"].to_numpy(dtype=np.float64)) / 60.0)
+
+
+def _usual(minutes: FloatArray, otherwise: float) -> float:
+    return float(np.median(minutes)) if minutes.size else otherwise
+
+
+def _diagnosed(table: pd.DataFrame, bench: BenchConfig) -> "Diagnosis | str":
+    """The diagnosis of the accepted rows against the bench's model, or why there is none."""
+    from models.dataset import load_measurements  # here: it takes a second to load, and every verb would pay
+    from models.diagnosis.diagnose import diagnose
+
+    try:
+        return diagnose(load_measurements(table), model_of(bench.converter))
+    except ValueError as error:  # too few rows, or a table that cannot be of this converter
+        return str(error)

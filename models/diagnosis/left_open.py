@@ -1,0 +1,126 @@
+r"""What the measurements leave open of readings that were not taken yet.
+
+With C the covariance of the readings taken (noise, everyday spreads J, the simulation's own accuracy A), and stars for
+those that could be taken, nothing being wrong leaves
+
+.. math:: V = J_*^T J_* + A_{**} - C_*^T C^{-1} C_*, \quad C_* = J^T J_* + A_*,
+
+and an explanation whose effects have the slopes T, in units of their priors, leaves
+
+.. math:: V + R^T (1 + T C^{-1} T^T)^{-1} R, \quad R = T_* - T C^{-1} C_*
+
+(Rasmussen and Williams, 2006, section 2.7: a Gaussian process with explicit basis functions). A reading tells two
+explanations apart only as far as it differs by more than this. What an explanation expects there is what its model
+says, whose parts have their most probable spreads, and what the instruments' errors and the simulation's inaccuracy
+were found to be beside it, :math:`(C_* - J_p^T J_{p*})^T C^{-1} r` with :math:`J_p` the spreads of the parts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from models.diagnosis.covariance import accuracy_scale, kernel, length_scale, locations
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.observations import Channel, Observations, observe
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.signatures import Signatures, signatures
+from sim.operating_points import Points
+
+Array = NDArray[np.float64]
+
+_IDLE_W = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ahead:
+    """K points that could be measured, each by some channels; reading (k, c) is number ``K_channels * k + c``."""
+
+    points: Points
+    channels: tuple[Channel, ...]
+
+    def observed(self, refinery: Refinery) -> tuple[Observations, NDArray[np.intp]]:
+        """Them as observations without values, and the number of each of their readings."""
+        p, size = self.points, len(self.points)
+        power = np.broadcast_to(p.power_W, size)
+        kind = np.where(np.asarray(p.pwm), np.where(power > _IDLE_W, "load", "no_load"), "standby")
+        columns = {"D1": p.D1, "D2": p.D2, "P2_W": power, "V1_V": p.V1_V, "V2_V": p.V2_V,
+                   "T_ambient_C": p.ambient_C, "time_s": p.time_s, "range_I1_A": p.range_I1_A}  # fmt: skip
+        frame = pd.DataFrame({name: np.broadcast_to(value, size) for name, value in columns.items()})
+        frame = frame.assign(kind=kind, **{c.column: 1.0 for c in self.channels})
+        seen = observe(frame, refinery.baseline.converter)
+        place = np.array([self.channels.index(c) for c in seen.channels])
+        return seen, len(self.channels) * seen.row + place[seen.channel]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOpen:
+    """Of each fit: what its model's readings ahead are off by (R, N), and their covariance (R, N, N).
+
+    N is K times the number of channels. NaN where a part off by its spread, or an effect, could not run.
+    """
+
+    beside: Array
+    covariance: Array
+
+
+def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen:
+    """What the measurements say and leave open of the readings ahead."""
+    seen, number = ahead.observed(refinery)
+    known, there = refinery.known, signatures(seen, refinery.baseline)
+    accuracy = _Accuracy(refinery.observations, seen)
+    across = known.spreads.T @ there.spreads + accuracy.across(known.baseline, there.baseline)
+    solved = refinery.geometry.whitener.solve(np.nan_to_num(across))
+    common = there.spreads.T @ there.spreads + accuracy.ahead(there.baseline) - across.T @ solved
+    parts = slice(len(known.spread_entries))
+    other = across - known.spreads[parts].T @ there.spreads[parts]
+    size = len(ahead.points) * len(ahead.channels)
+    beside, covariance = np.zeros((len(fits), size)), np.zeros((len(fits), size, size))
+    for k, fit in enumerate(fits):
+        left = refinery.geometry.solve((refinery.residual - fit.shift)[None], fit.own(known))[0]
+        beside[k, number] = left @ other
+        covariance[k][np.ix_(number, number)] = common + _of_effects(refinery, fit, there, solved)
+    return LeftOpen(beside=beside, covariance=covariance)
+
+
+def _of_effects(refinery: Refinery, fit: Fit, there: Signatures, solved: Array) -> Array | float:
+    """What the values of a fit's effects leave open, (M, M)."""
+    if not fit.terms:
+        return 0.0
+    slopes = {(s.effect, *sorted(s.other.items())): s.slope for s in there.effects}
+    prior = np.array([[t.head.prior] for t in fit.terms])
+    here = prior * np.stack([t.slope for t in fit.terms])
+    keys = [(t.effect, *sorted(t.signature.other.items())) for t in fit.terms]
+    nothing = np.zeros(solved.shape[1])
+    beyond = prior * np.stack([slopes.get(key, nothing) for key in keys]) - here @ solved
+    inner = np.eye(len(here)) + here @ refinery.geometry.whitener.solve(here.T)
+    return np.asarray(beyond.T @ np.linalg.solve(inner, beyond))
+
+
+@dataclass(frozen=True, slots=True)
+class _Accuracy:
+    """The simulation's own accuracy, smooth over the map of what was measured."""
+
+    taken: Observations
+    ahead_of: Observations
+
+    def _place(self, of: Observations) -> Array:
+        own = locations(of) * length_scale(of) / length_scale(self.taken)
+        return np.asarray(own[of.row])
+
+    def _covariance(self, one: Observations, scale: Array, other: Observations, scale_: Array) -> Array:
+        names = [np.array([c.name for c in of.channels])[of.channel] for of in (one, other)]
+        same = names[0][:, None] == names[1][None, :]
+        return np.asarray(same * kernel(self._place(one), self._place(other)) * scale[:, None] * scale_)
+
+    def across(self, baseline: Array, there: Array) -> Array:
+        """Between what was measured and what could be."""
+        scale = accuracy_scale(self.taken, baseline), accuracy_scale(self.ahead_of, there)
+        return self._covariance(self.taken, scale[0], self.ahead_of, scale[1])
+
+    def ahead(self, there: Array) -> Array:
+        """Among what could be measured."""
+        scale = accuracy_scale(self.ahead_of, there)
+        return self._covariance(self.ahead_of, scale, self.ahead_of, scale)
