@@ -142,4 +142,5 @@ def test_a_slope_that_was_learned_wrongly_is_simulated_anew() -> None:
     wrong = replace(alone(bench), terms=(replace(alone(bench).terms[0], slope=3.0 * GROWING[::-1]),))
     (sharp,) = bench.sharpened([wrong])
     np.testing.assert_allclose(sharp.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
-    assert bench.weighed(wrong).sigma[0] < 0.5 * bench.weighed(sharp).sigma[0]  # which would have been believed
+    was, becomes = (bench.weighed(fit).sigma[0] for fit in (wrong, sharp))
+    assert was < 0.5 * becomes  # and would have been believed
