@@ -176,7 +176,7 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
     observations = refinery.observations
     model = refinery.model(fit, refinery.spreads(fit))
     loads = observations.of("efficiency") & observations.loaded[observations.row]
-    residual = observations.value - observations.simulate([model])[0]
+    residual = observations.value - observations.simulate([model], refinery.near)[0]
     usable = loads & np.isfinite(residual)
     p = observations.points
     where = np.stack([p.D1, p.D2, p.power_W, p.time_s], axis=1)

@@ -34,6 +34,13 @@ class Temperatures:
             transformer_C=np.array(ambient_C, dtype=float),
         )
 
+    @classmethod
+    def of(cls, by_place: Mapping[str, Array]) -> "Temperatures":
+        """From every temperature by its place's name, as :meth:`by_place` gives them."""
+        at = dict(by_place)
+        heatsink, inductor, transformer = (at.pop(name) for name in ("heatsink", "inductor", "transformer"))
+        return cls(heatsink_C=heatsink, junction_C=at, inductor_C=inductor, transformer_C=transformer)
+
     def by_place(self) -> dict[str, Array]:
         """Every temperature by a name of its place."""
         places = {"heatsink": self.heatsink_C, "inductor": self.inductor_C, "transformer": self.transformer_C}

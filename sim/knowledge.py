@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from sim.bridges import Scheme, Transition, part_names, primary_scheme, secondary_scheme, switching_part
 from sim.circuit import Temperatures, winding_resistance
-from sim.fixed_point import IN_LINK
 from sim.harmonic import share_of_pair, triangle
 from sim.model import Model
 from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
@@ -27,6 +26,7 @@ from sim.operating_points import Points, efficiency
 from sim.parameters import Converter, Core
 from sim.simulate import Result
 from sim.soft_switching import residual_energy
+from sim.station import IN_LINK
 
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]

@@ -9,7 +9,7 @@ fixed point, and the chain of powers follows, each loss at its node::
 A loss behind P_link2 moves D0; one before it does not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 
 from sim.bridges import part_names
 from sim.checks import HOTTEST_C
-from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, carries, operate
+from sim.fixed_point import Outcome, carries, operate
 from sim.model import Model
 from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
+from sim.neighbours import Response, approach
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick, stack
+from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, station_of
 
 __all__ = ["PARTS", "Points", "Result", "can_run", "grid", "grid_of", "simulate", "simulate_many"]
 
@@ -31,6 +33,7 @@ Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
 _SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
+_MANY = 4  # variants at once that pay for their response being learned
 _ZVS = 0.01  # a swing that misses less than this counts as zero-voltage switching
 _COLUMNS = (
     "D0", "P1_W", "I1_A", "P2_W", "efficiency", "I_L_rms_A", "I_L_pp_A", "P_link1_W", "P_link2_W",
@@ -55,6 +58,16 @@ class Result:
     def __getitem__(self, column: str) -> Array:
         return self.values[column]
 
+    def take(self, chosen: NDArray[np.intp]) -> "Result":
+        """Some of the points, and what variants there start from."""
+        return Result(
+            points=self.points.take(chosen),
+            feasible=self.feasible[chosen],
+            reason=self.reason[chosen],
+            values={name: value[chosen] for name, value in self.values.items()},
+            seed=None if self.seed is None else self.seed.take(chosen),
+        )
+
     def columns(self) -> dict[str, NDArray[np.generic]]:
         """The simulation table: inputs, ``feasible``, then every result column."""
         p = self.points
@@ -78,7 +91,9 @@ def simulate_many(models: Sequence[Model], points: Points, near: Result | None =
     variants, results, seed = list(models), [], None if near is None else near.seed
     if seed is None:
         first = variants.pop(0)
-        whole = _solve(first.altered_converter(), first.set_points(points), None)
+        whole = _solve(
+            first.altered_converter(), first.set_points(points), None, learn=len(variants) >= _MANY
+        )
         results, seed = [_result(first, points, whole)], whole.seed
     if variants:
         distinct, slots = _circuits(variants, points)
@@ -87,12 +102,21 @@ def simulate_many(models: Sequence[Model], points: Points, near: Result | None =
     return results
 
 
-def _circuits(models: Sequence[Model], points: Points) -> tuple[list[tuple[Converter, Points]], list[int]]:
+def reference(model: Model, points: Points) -> Result:
+    """A result for many variants to start from: how its points respond to whatever changes is found as well."""
+    solved = _solve(model.altered_converter(), model.set_points(points), None, learn=True)
+    return _result(model, points, solved)
+
+
+_Circuit = tuple[Converter, Points]
+
+
+def _circuits(models: Sequence[Model], points: Points) -> tuple[list[_Circuit], list[int]]:
     """The converters and set points that differ, and which of them each model has.
 
     What an effect adds at the input or does to a reading needs no solution of its own.
     """
-    distinct: list[tuple[Converter, Points]] = []
+    distinct: list[_Circuit] = []
     slots = []
     for model in models:
         altered, moved = model.altered_converter(), model.set_points(points)
@@ -103,46 +127,113 @@ def _circuits(models: Sequence[Model], points: Points) -> tuple[list[tuple[Conve
     return distinct, slots
 
 
-def _all_solved(circuits: "list[tuple[Converter, Points]]", seed: "_Seed | None") -> "list[_Solution]":
-    """Converters at their points, all in one call but for those that saturate: they take longer."""
+def _all_solved(circuits: "list[_Circuit]", seed: "_Seed | None") -> "list[_Solution]":
+    """Converters at their points, all in one call but for those that saturate."""
     found: dict[int, _Solution] = {}
-    for saturates in (False, True):
-        chosen = [k for k, (c, _) in enumerate(circuits) if c.inductor.saturates == saturates]
-        if not chosen:
-            continue
-        size = len(circuits[chosen[0]][1])
-        converter = stack([circuits[k][0] for k in chosen], size)
-        solved = _solve(converter, Points.join([circuits[k][1] for k in chosen]), seed)
+    for chosen, converter, points in _stacked(circuits):
+        size, solved = len(points) // len(chosen), _solve(converter, points, seed)
         found |= {k: solved.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
     return [found[k] for k in range(len(circuits))]
 
 
-def can_run(model: Model, points: Points) -> NDArray[np.bool_]:
-    """Whether points can run, several times faster than :func:`simulate` and without its fixed point.
+def _stacked(circuits: "list[_Circuit]") -> Iterator[tuple[list[int], Converter, Points]]:
+    """Converters and their points as one, but for those that saturate: they take longer."""
+    for saturates in (False, True):
+        chosen = [k for k, (c, _) in enumerate(circuits) if c.inductor.saturates == saturates]
+        if chosen:
+            converter = stack([circuits[k][0] for k in chosen], len(circuits[chosen[0]][1]))
+            yield chosen, converter, Points.join([circuits[k][1] for k in chosen])
+
+
+def can_run(models: Model | Sequence[Model], points: Points) -> NDArray[np.bool_]:
+    """Whether points can run with a model, or with all of several: much faster than :func:`simulate`, no fixed point.
 
     Parts are taken 20 K above ambient; at the very limit of what D1 and D2 carry the two may differ.
     """
-    moved, converter = model.set_points(points), model.altered_converter()
-    runs = _refused(converter, moved) == ""
-    tried = np.flatnonzero(runs & np.asarray(points.pwm, dtype=bool))
-    if tried.size:
-        runs[tried] = carries(pick(converter, tried), moved.take(tried))
-    return np.asarray(runs)
+    circuits, _ = _circuits([models] if isinstance(models, Model) else models, points)
+    runs = np.ones(len(points), dtype=bool)
+    for chosen, converter, moved in _stacked(circuits):
+        alone = _refused(converter, moved) == ""
+        tried = np.flatnonzero(alone & np.asarray(moved.pwm, dtype=bool))
+        if tried.size:
+            alone[tried] = carries(pick(converter, tried), moved.take(tried))
+        runs &= np.all(alone.reshape(len(chosen), -1), axis=0)
+    return runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Seed:
-    """Warm starts of the points ``rows`` (K,) of a set of ``size``."""
+    """Warm starts of the points ``rows`` (K,) of a set of ``size``; ``spare`` (K,) tells which have power to spare."""
 
     size: int
     rows: NDArray[np.intp]
     start: WarmStart
+    spare: NDArray[np.bool_]
+    response: Response | None = None
+
+    @classmethod
+    def of(cls, size: int, rows: NDArray[np.intp], outcome: Outcome, *, learn: bool) -> "_Seed":
+        """Of what was solved at ``rows`` of ``size`` points."""
+        solved, response = outcome.station.ready(outcome.state), None
+        if learn and rows.size:
+            response, solved = Response.of(solved)
+        return cls(
+            size=size, rows=rows, start=solved.start(), spare=outcome.comfortable(_SPARE), response=response
+        )
+
+    def take(self, chosen: NDArray[np.intp]) -> "_Seed":
+        """The starts for some of the points."""
+        place = self.find(chosen)
+        rows = np.flatnonzero(place >= 0)
+        own = place[rows]
+        return _Seed(
+            size=chosen.size, rows=rows, start=self.start.take(own), spare=self.spare[own],
+            response=None if self.response is None else self.response.take(own),
+        )  # fmt: skip
 
     def find(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Which start each row of a repeated set has, -1 for none."""
         place = np.full(self.size, -1)
         place[self.rows] = np.arange(self.rows.size)
         return np.asarray(place[rows % self.size])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Table:
+    """What is found at N points, written to as it is found."""
+
+    reason: NDArray[np.str_]
+    values: dict[str, Array]
+
+    def put(
+        self, rows: NDArray[np.intp], state: OperatingState, points: Points, settled: NDArray[np.bool_]
+    ) -> None:
+        """Columns of a state at some of its points, those that cannot be with the reason."""
+        columns = _columns(state, points)
+        why = _impossible(state, columns)
+        sound = np.flatnonzero(settled & (why == ""))
+        for name, value in columns.items():
+            self.values[name][rows[sound]] = value[sound]
+        for k in np.flatnonzero(settled & (why != "")).tolist():
+            self.reason[rows[k]] = why[k]
+
+    def visit(
+        self,
+        converter: Converter,
+        points: Points,
+        rows: NDArray[np.intp],
+        seed: _Seed,
+        place: NDArray[np.intp],
+    ) -> NDArray[np.intp]:
+        """Solve variants from their neighbours in ``seed``; which of the rows that did not settle."""
+        if seed.response is None or not rows.size:
+            return np.arange(rows.size)
+        at, open_ = points.take(rows), np.ones(rows.size, dtype=bool)
+        station = station_of(pick(converter, rows), at, seed.start.take(place))
+        for looked, settled, state in approach(station, seed.response, place):
+            self.put(rows[looked], state, at.take(looked), settled)
+            open_[looked[settled]] = False
+        return np.flatnonzero(open_)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,15 +285,25 @@ def _ceiling_W(points: Points, converter: Converter) -> Array:
     return np.asarray(scale_W * share)
 
 
-def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solution:
-    """Solve every point that can be; points with a start in ``seed`` go from there."""
+def _solve(converter: Converter, points: Points, seed: _Seed | None, *, learn: bool = False) -> _Solution:
+    """Solve every point that can be; points with a start in ``seed`` go from there.
+
+    Without one, variants may start from what is left; with ``learn`` they know its response as well.
+    """
     size = len(points)
     reason = _refused(converter, points)
     standby = ~np.asarray(points.pwm, dtype=bool)
     values = {name: np.full(size, np.nan) for name in _columns_of(converter)}
+    table = _Table(reason=reason, values=values)
     run = np.flatnonzero((reason == "") & ~standby)
     place = np.full(run.size, -1) if seed is None else seed.find(run)
     left: _Seed | None = None
+    if seed is not None:
+        near = np.flatnonzero(place >= 0)
+        open_ = table.visit(converter, points, run[near], seed, place[near])
+        keep = np.sort(np.concatenate([np.flatnonzero(place < 0), near[open_]]))
+        run, place = run[keep], place[keep]
+        place[place >= 0] = np.where(seed.spare[place[place >= 0]], place[place >= 0], -1)
     for rows, start in ((run[place < 0], None), (run[place >= 0], seed)):
         if not rows.size:
             continue
@@ -212,13 +313,9 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None) -> _Solutio
         for k in np.flatnonzero(~outcome.reached).tolist():
             reason[rows[k]] = _why_not(float(outcome.most_W[k]))
         there = np.flatnonzero(outcome.reached)
-        columns = _columns(outcome.state, at.take(there))
-        for name, value in columns.items():
-            values[name][rows[there]] = value
-        _refuse(rows[there], _impossible(outcome.state, columns), reason, values)
+        table.put(rows[there], outcome.state, at.take(there), np.ones(there.size, dtype=bool))
         if seed is None:
-            spare = np.flatnonzero(outcome.state.comfortable(_SPARE))
-            left = _Seed(size=size, rows=rows[there[spare]], start=outcome.state.start().take(spare))
+            left = _Seed.of(size, rows[there], outcome, learn=learn)
     for name in ("P1_W", "I1_A", "P2_W", "loss_added_W"):
         values[name][standby] = 0.0
     values["T_heatsink_C"][standby] = np.asarray(points.ambient_C)[standby]
@@ -247,16 +344,6 @@ def _impossible(state: OperatingState, columns: dict[str, Array]) -> NDArray[np.
         ["no finite solution", f"a part would be hotter than {HOTTEST_C:.0f} degC"],
         default="",
     )
-
-
-def _refuse(
-    rows: NDArray[np.intp], why: NDArray[np.str_], reason: NDArray[np.str_], values: dict[str, Array]
-) -> None:
-    """Take solutions back that cannot be."""
-    for k in np.flatnonzero(why != "").tolist():
-        reason[rows[k]] = why[k]
-        for value in values.values():
-            value[rows[k]] = np.nan
 
 
 def _why_not(most_W: float) -> str:

@@ -9,7 +9,6 @@ from experiments.harness.result import Cell, Table
 from experiments.harness.settings import Settings
 from experiments.simulator.points import Findings, at_most, drawn_points, running_points
 from sim.circuit import Temperatures, build_circuit
-from sim.fixed_point import IN_LINK
 from sim.model import Model
 from sim.modulation import centre_offset, hybrid_edges, infeasible_pulse
 from sim.operating_points import Points
@@ -17,6 +16,7 @@ from sim.prototype import prototype
 from sim.regulation import regulate
 from sim.simulate import grid, simulate
 from sim.solved import solve_points
+from sim.station import IN_LINK
 from sim.steady_state import Circuit, periodic
 from sim.stepping import Stepper, settle
 

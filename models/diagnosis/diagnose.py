@@ -135,7 +135,7 @@ class Diagnosis:
     def _cause(self, cause: Cause) -> dict[str, Any]:
         term, entry = cause.term, cause.term.signature.entry
         head = term.head
-        half = _Z95 * float(np.hypot(term.sigma, head.tolerance))  # the part's own spread is in the value
+        half = _Z95 * term.uncertainty
         parameters: list[dict[str, Any]] = [
             {
                 "name": head.name,
@@ -349,9 +349,7 @@ def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:
     Each reading counts up to three sigmas: a threshold that is a little elsewhere leaves a few rows far off.
     """
     best = next(h.fit for h in hypotheses if h.leftover is None)
-    refinery = setting.refinery
-    left = (refinery.residual - best.shift)[None]
-    sigmas = setting.sigma * refinery.geometry.solve(left, best.own(refinery.known))[0]
+    sigmas = setting.sigma * setting.refinery.solved(best)
     return float(np.mean(np.minimum(sigmas**2, _CLIPPED**2)))
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from models.diagnosis.hypotheses import Fit, Term, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery, hopeless
+from models.diagnosis.signatures import Signature
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,8 @@ P_CONSISTENT, P_LEFTOVER = 0.5, 0.2
 P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 _FURTHER = 3.0  # in log evidence, for each further cause: what the first one's law misses looks a little like another
 _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
+_SCREENED = 12  # combinations on tangents that are looked at closer
+_SHARPENED = 6  # that get slopes simulated at their values
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
@@ -63,8 +66,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
     found: list[tuple[Fit, Leftover | None, float]] = []
     fits = list(fits)
-    projected = geometry.project_all([fit.vectors(refinery.residual) for fit in fits])
-    for fit, seen in zip(fits, projected, strict=True):
+    for fit, seen in zip(fits, refinery.seen(fits), strict=True):
         own = fit.own(refinery.known)
         prior = log_prior(fit, catalogue)
         for leftover, share in shares:
@@ -99,7 +101,20 @@ def search(refinery: Refinery) -> list[Fit]:
         if not larger:
             break
         fits += larger
-    return fits
+    return _sharpened(refinery, fits)
+
+
+def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
+    """All fits, those in reach of the best with slopes of their own, and at the values that these lead to."""
+    catalogue = len({s.effect for s in refinery.known.effects})
+    probability = {id(f): f.log_evidence + log_prior(f, catalogue) for f in fits}
+    least = max(probability.values()) - _IN_REACH
+    order = sorted((f for f in fits if f.terms), key=lambda f: -probability[id(f)])
+    leading = [f for f in order if probability[id(f)] > least][:_SHARPENED]
+    if not leading:
+        return fits
+    ids = {id(f) for f in leading}
+    return [*(f for f in fits if id(f) not in ids), *refinery.followed(refinery.sharpened(leading))]
 
 
 def _alone(refinery: Refinery) -> list[Fit]:
@@ -130,11 +145,7 @@ def _alone(refinery: Refinery) -> list[Fit]:
 
 def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:
     """Every effect at the best value of its line, about nothing's simulated state."""
-    terms = [
-        Term(signature=s, value=s.entry.headline.off, sigma=np.inf, slope=s.slope)
-        for s in refinery.known.effects
-    ]
-    return _fitted_lines(refinery, [replace(nothing, terms=(term,)) for term in terms])
+    return _fitted_lines(refinery, [replace(nothing, terms=(_term(s),)) for s in refinery.known.effects])
 
 
 def _fitted_lines(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
@@ -196,18 +207,13 @@ def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], 
     def log_probability(fit: Fit) -> float:
         return fit.log_evidence + log_prior(fit, catalogue)
 
-    singles = {f.terms[0].effect: f.terms[0] for f in fits if len(f.terms) == 1}
+    learned = [f.terms[0] for f in fits if len(f.terms) == 1]
+    terms = [*learned, *(_term(s) for s in refinery.known.effects)]
     leading = max(map(log_probability, fits))
-    candidates = (
-        [] if len(base[0].terms) > 1 else _pairs_on_tangents(refinery, nothing, list(singles.values()))
-    )
-    extended = [
-        _with(fit, term)
-        for fit in _sorted(base)[:_TO_EXTEND]
-        for name, term in singles.items()
-        if name not in fit.effects
-    ]
-    candidates += _fitted_lines(refinery, extended)
+    pairs = combinations([_term(t.signature) for t in learned], 2)
+    candidates = _on_tangents(refinery, nothing, pairs) if len(base[0].terms) == 1 else []
+    for fit in _sorted(base)[:_TO_EXTEND]:
+        candidates += _on_tangents(refinery, fit, [(t,) for t in terms])
     candidates = _best(replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates)
     chosen = [f for f in candidates if log_probability(f) > leading - _IN_REACH][:most]
     if not chosen:
@@ -216,27 +222,31 @@ def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], 
     return _best(refinery.followed(refinery.simulated(chosen), leader))
 
 
-def _with(fit: Fit, term: Term) -> Fit:
-    """The fit with one more term, still at its off value."""
-    return replace(fit, terms=(*fit.terms, replace(term, value=term.head.off)))
+def _term(signature: Signature) -> Term:
+    """An effect at its off value, with its slope there."""
+    return Term(signature=signature, value=signature.entry.headline.off, sigma=np.inf, slope=signature.slope)
 
 
-def _pairs_on_tangents(refinery: Refinery, nothing: Fit, terms: list[Term]) -> list[Fit]:
-    """The best pairs of effects on straight lines from nothing's simulated state."""
-    vectors = np.stack([*(t.slope for t in terms), refinery.residual - nothing.shift])
-    (seen,) = refinery.geometry.project_all([vectors], basis=False)
+def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) -> list[Fit]:
+    """The best fits with some terms more than a simulated one, on straight lines from its state."""
+    sets = [chosen for chosen in more if _are_new(chosen, base)]
+    terms = {id(t): t for chosen in sets for t in chosen}
+    place = {key: k for k, key in enumerate(terms)}
+    *slopes, left = base.vectors(refinery.residual)
+    vectors = np.stack([*slopes, *(t.slope for t in terms.values()), left])
+    (seen,) = refinery.geometry.project_all([vectors], [refinery.law(base)], basis=False)
+    ends = list(range(len(vectors) - 1, len(seen.each_other)))  # what is left, then the laws' columns
     found = []
-    for i, j in combinations(range(len(terms)), 2):
-        chosen = [i, j, len(terms)]
-        part = replace(
-            seen,
-            each_other=seen.each_other[np.ix_(chosen, chosen)],
-            on_spreads=seen.on_spreads[:, chosen],
-            on_basis=seen.on_basis[:, chosen],
-        )
-        pair = tuple(replace(terms[k], value=terms[k].head.off) for k in (i, j))
-        fit = replace(nothing, terms=pair)
-        weighed = weigh(fit, part, refinery.geometry, fit.own(refinery.known))
-        found.append((weighed.promised, fit))
+    for chosen in sets:
+        part = seen.of([*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends])
+        off = (replace(t, value=t.head.off) for t in chosen)
+        fit = replace(base, terms=(*base.terms, *off))
+        found.append((weigh(fit, part, refinery.geometry, fit.own(refinery.known)).promised, fit))
     found.sort(key=lambda entry: -entry[0])
-    return _fitted_lines(refinery, [fit for _, fit in found[:_PAIRS]])
+    return _fitted_lines(refinery, [fit for _, fit in found[:_SCREENED]])
+
+
+def _are_new(chosen: Sequence[Term], base: Fit) -> bool:
+    """Whether these are different effects, none of which a fit has."""
+    effects = {t.effect for t in chosen}
+    return len(effects) == len(chosen) and effects.isdisjoint(base.effects)

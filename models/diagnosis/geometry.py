@@ -9,7 +9,7 @@ so that Woodbury's identity gives :math:`A^T C'^{-1} A` and :math:`\ln\det C'` f
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Self
 
@@ -33,6 +33,33 @@ class Projection:
     each_other: Array
     on_spreads: Array
     on_basis: Array
+
+    def of(self, chosen: Sequence[int]) -> Self:
+        """Some of the vectors."""
+        return replace(
+            self,
+            each_other=self.each_other[np.ix_(chosen, chosen)],
+            on_spreads=self.on_spreads[:, chosen],
+            on_basis=self.on_basis[:, chosen],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Directions:
+    """Vectors (k, M) that are used again and again, with C^-1 of them and how they are seen."""
+
+    vectors: Array
+    solved: Array
+    seen: Projection
+
+    def scaled(self, factor: float) -> Self:
+        """All of them, this many times as long."""
+        seen = Projection(
+            each_other=factor**2 * self.seen.each_other,
+            on_spreads=factor * self.seen.on_spreads,
+            on_basis=factor * self.seen.on_basis,
+        )
+        return replace(self, vectors=factor * self.vectors, solved=factor * self.solved, seen=seen)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,12 +98,17 @@ class Geometry:
             admitted={c.key: _admitted(c, inner, size) for c in leftovers.configurations},
         )
 
-    def project(self, vectors: Array) -> Projection:
-        """Products of vectors (k, M)."""
-        return self.project_all([vectors])[0]
+    def project(self, vectors: Array, beside: Sequence[Directions] = ()) -> Projection:
+        """Products of vectors (k, M), followed by the directions ``beside`` them."""
+        return self.project_all([vectors], [beside])[0]
 
-    def project_all(self, groups: Sequence[Array], *, basis: bool = True) -> list[Projection]:
-        """Products of vectors (k, M), group by group; with no leftover in question they need no ``basis``."""
+    def project_all(
+        self, groups: Sequence[Array], beside: Sequence[Sequence[Directions]] = (), *, basis: bool = True
+    ) -> list[Projection]:
+        """Products of vectors (k, M) with the directions ``beside`` them, group by group.
+
+        With no leftover in question they need no ``basis``.
+        """
         if not groups:
             return []
         vectors = np.concatenate(list(groups))
@@ -84,7 +116,7 @@ class Geometry:
         on_spreads = self.spreads_solved @ vectors.T
         on_basis = self.leftovers.basis @ solved if basis else np.empty((0, len(vectors)))
         ends = np.cumsum([0, *map(len, groups)]).tolist()
-        return [
+        own = [
             Projection(
                 each_other=vectors[a:b] @ solved[:, a:b],
                 on_spreads=on_spreads[:, a:b],
@@ -92,6 +124,19 @@ class Geometry:
             )
             for a, b in pairwise(ends)
         ]
+        if not beside:
+            return own
+        return [_joined(v, seen, more) for v, seen, more in zip(groups, own, beside, strict=True)]
+
+    def directions(self, vectors: Array) -> Directions:
+        """Vectors (k, M) with all that does not change from one use to the next."""
+        solved = self.whitener.solve(vectors.T)
+        seen = Projection(
+            each_other=vectors @ solved,
+            on_spreads=self.spreads_solved @ vectors.T,
+            on_basis=self.leftovers.basis @ solved,
+        )
+        return Directions(vectors=vectors, solved=solved.T, seen=seen)
 
     def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
         """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""
@@ -130,6 +175,25 @@ class Geometry:
             inner = np.eye(own.size) - between
             solved = solved + np.linalg.lstsq(inner, spreads @ vectors.T, rcond=_LEAST_LEFT)[0].T @ spreads
         return np.asarray(solved)
+
+
+def _joined(vectors: Array, seen: Projection, beside: Sequence[Directions]) -> Projection:
+    """The projection of vectors (k, M) followed by directions."""
+    if not beside:
+        return seen
+    parts, heads = [seen, *(d.seen for d in beside)], [vectors, *(d.vectors for d in beside)]
+    ends = np.cumsum([0, *map(len, heads)]).tolist()
+    each_other = np.zeros((ends[-1], ends[-1]))
+    for j, (part, (a, b)) in enumerate(zip(parts, pairwise(ends), strict=True)):
+        each_other[a:b, a:b] = part.each_other
+        for i in range(j):
+            each_other[ends[i] : ends[i + 1], a:b] = heads[i] @ beside[j - 1].solved.T
+            each_other[a:b, ends[i] : ends[i + 1]] = each_other[ends[i] : ends[i + 1], a:b].T
+    return Projection(
+        each_other=each_other,
+        on_spreads=np.concatenate([p.on_spreads for p in parts], axis=1),
+        on_basis=np.concatenate([p.on_basis[: len(seen.on_basis)] for p in parts], axis=1),
+    )
 
 
 def _admitted(leftover: Leftover, inner: Array, size: int) -> _Admitted:

@@ -15,6 +15,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr
 
 from models.diagnosis.geometry import Geometry, Projection
@@ -62,6 +63,23 @@ class Term:
     def beyond_everyday(self) -> bool:
         """Whether the value is further off than any ordinary bench has it."""
         return abs(self.distance) > _EVERYDAY * float(np.hypot(self.sigma, self.head.tolerance))
+
+    @property
+    def uncertainty(self) -> float:
+        """Standard deviation of the value: of the fit, of the part's own spread, and of the effect's law."""
+        entry = self.signature.entry
+        return float(np.hypot(np.hypot(self.sigma, entry.spread_at(self.value)), entry.law * self.distance))
+
+    def aside(self, share: float) -> Self:
+        """The value moved by a share of the prior scale, inside its bounds."""
+        step = share * self.head.prior
+        return replace(self, value=self.value + (step if self.value + step <= self.head.upper else -step))
+
+    def with_slope(self, slope: Array) -> Self:
+        """The same with another slope where that is finite; a threshold keeps its own."""
+        if self.signature.entry.threshold:
+            return self
+        return replace(self, slope=np.where(np.isfinite(slope), slope, self.slope))
 
     def moved(self, step: float) -> Self:
         """The value moved, at most to its bounds."""
@@ -130,9 +148,10 @@ class Weighed:
 def weigh(
     fit: Fit, seen: Projection, geometry: Geometry, own: Rows, leftover: Leftover | None = None
 ) -> Weighed:
-    """Laplace's evidence; ``seen`` is the projection of ``fit.vectors(residual)``."""
-    inner, log_det = geometry.products(seen, own, leftover)
-    bare, size = -0.5 * (float(inner[-1, -1]) + log_det), len(fit.terms)
+    """Laplace's evidence; ``seen`` is the projection of ``fit.vectors(residual)``, then of its laws' columns."""
+    size = len(fit.terms)
+    inner, log_det = _law_let_in(*geometry.products(seen, own, leftover), size + 1)
+    bare = -0.5 * (float(inner[-1, -1]) + log_det)
     if not size:
         return Weighed(log_evidence=bare, promised=bare, step=np.empty(0), sigma=np.empty(0))
     prior = np.array([t.head.prior for t in fit.terms])
@@ -154,6 +173,15 @@ def weigh(
         step=np.where(held, 0.0, step),
         sigma=sigma,
     )
+
+
+def _law_let_in(inner: Array, log_det: float, vectors: int) -> tuple[Array, float]:
+    """Products of the first so many, under a covariance that the directions after them were added to."""
+    if len(inner) == vectors:
+        return inner, log_det
+    root = np.linalg.cholesky(np.eye(len(inner) - vectors) + inner[vectors:, vectors:])
+    onto = solve_triangular(root, inner[vectors:, :vectors], lower=True, check_finite=False)
+    return inner[:vectors, :vectors] - onto.T @ onto, log_det + 2 * float(np.sum(np.log(np.diag(root))))
 
 
 def _held(fit: Fit, step: Array) -> NDArray[np.bool_]:

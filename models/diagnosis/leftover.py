@@ -7,7 +7,7 @@ at the measured set points. Which location and how many watts it has is not know
 rival of its own.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,22 +18,28 @@ from models.diagnosis.observations import Observations
 
 Array = NDArray[np.float64]
 
-AMPLITUDES_W = (0.15, 0.5, 1.5, 5.0)
+AMPLITUDES_W = (0.15, 0.5, 1.5, 5.0, 15.0)
 _COLUMNS = 40  # of one smooth map: more would be noise
 _CAPTURED = 0.98  # of the kernel's trace
 _TREND = 2.0  # of the amplitude: a level or a slope is likelier than a bump
+_STRAIGHT_W = (0.5, 1.5, 5.0)
 _LENGTH_OF_TIME = 0.1  # of the campaign
+_NEIGHBOURS = 2.5  # rows over which a gain that wanders has to stand still, to be told from noise
 _POWERS = ("efficiency", "P_link1_W", "P_link2_W")
 _TEMPERATURES = ("T_heatsink_C", "T_transformer_C", "T_inductor_C")
 # What one watt lost at a location moves: channels that follow it together, and channels by amounts of their own.
 _LOCATIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "input": (("efficiency",), ("T_heatsink_C",)),
     "ac link": (("efficiency", "P_link1_W"), ("T_transformer_C", "T_inductor_C")),
+    "ac link, in series": (
+        ("efficiency", "P_link1_W"),
+        ("D0", "I_L_rms_A", "T_transformer_C", "T_inductor_C"),
+    ),
     "output": ((*_POWERS, "D0", "I_L_rms_A"), ("T_heatsink_C",)),
     "timing": ((), ("D0", "I_L_rms_A")),
     "everywhere": ((), (*_POWERS, "D0", "I_L_rms_A", *_TEMPERATURES)),
 }
-IN_TIME = "over time"
+IN_TIME, GAIN_IN_TIME = "over time", "gain over time"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +62,11 @@ class Leftovers:
 
     basis: Array
     configurations: tuple[Leftover, ...]
+
+    def of(self, leftover: Leftover, pulled: Array) -> Array:
+        """The most probable course (M,) of a leftover; ``pulled`` (M,) is C'^-1 of what was left with it in C'."""
+        columns = leftover.amplitude_W * self.basis[leftover.columns]
+        return np.asarray(columns.T @ (columns @ pulled))
 
     @classmethod
     def none(cls, readings: int) -> "Leftovers":
@@ -82,51 +93,78 @@ def trends(place: Array) -> Array:
 
 def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
     """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves."""
-    row = observations.row
+    row, power_W = observations.row, np.asarray(observations.points.power_W)
     used, place = np.unique(row, return_inverse=True)
-    p = observations.points.take(used)
-    levels = np.stack([np.ones(used.size), np.asarray(p.pwm), np.asarray(p.power_W) > 0]).astype(np.float64)
-    where = locations(observations)[used]
-    maps = np.concatenate([_TREND * levels, trends(where), smooth_maps(where)])[:, place]
-    time_s = np.asarray(p.time_s)[:, None]
-    moment = time_s / max(float(np.ptp(time_s)) * _LENGTH_OF_TIME, 1e-9)
-    later = np.concatenate([_TREND * levels, trends(moment), smooth_maps(moment)])[:, place]
-    watt = np.array([c.watt for c in observations.channels])[observations.channel]
-    carried = np.asarray(observations.points.power_W)[row] > 0
-    powers = np.any([observations.of(name) for name in _POWERS], axis=0)
-    at_output = np.where(carried, per_watt, np.where(powers, 1.0, 0.0))
+    where, time_s = locations(observations)[used], np.asarray(observations.points.time_s)[used]
     present = {c.name for c in observations.channels}
-    found: list[Array] = []
-    known: dict[tuple[str, ...], NDArray[np.intp]] = {}
+    watt = np.array([c.watt for c in observations.channels])[observations.channel]
+    powers = np.any([observations.of(name) for name in _POWERS], axis=0)
+    at_output = np.where(power_W[row] > 0, per_watt, np.where(powers, 1.0, 0.0))
+    straight = np.concatenate([_TREND * _levels(observations, used), trends(where)])
+    basis = _Basis(observations, np.concatenate([straight, smooth_maps(where)])[:, place])
+    found: list[tuple[str, NDArray[np.intp], tuple[float, ...]]] = []
+    seen = set()
+    for name, (together, apart) in _LOCATIONS.items():
+        shared = tuple(c for c in together if c in present)
+        own = tuple(c for c in apart if c in present)
+        key = (shared, own) if len(shared) > 1 else ((), (*shared, *own))  # one channel follows nobody
+        if key in seen or not (shared or own):
+            continue
+        seen.add(key)
+        scale = at_output if name == "output" and len(shared) > 1 else watt
+        parts = [basis.part(shared, scale)] if shared else []
+        parts += [basis.part((c,), watt) for c in own]
+        found.append((name, np.concatenate(parts), AMPLITUDES_W))
+        found.append((f"{name}, straight", np.concatenate([p[: len(straight)] for p in parts]), _STRAIGHT_W))
+    if np.ptp(time_s) > 0.0 and "efficiency" in present:
+        slow, quick = (
+            time_s / (np.ptp(time_s) * _LENGTH_OF_TIME),
+            time_s / (np.median(np.diff(time_s)) * _NEIGHBOURS),
+        )
+        later = [_TREND * _levels(observations, used), trends(slow[:, None]), smooth_maps(slow[:, None])]
+        found.append((IN_TIME, basis.add("efficiency", watt, np.concatenate(later)[:, place]), AMPLITUDES_W))
+        gain = power_W[row] / np.sqrt(np.mean(power_W[row] ** 2))
+        found.append(
+            (GAIN_IN_TIME, basis.add("efficiency", gain, smooth_maps(quick[:, None])[:, place]), AMPLITUDES_W)
+        )
+    return basis.leftovers(found)
 
-    def part(channels: tuple[str, ...], scale: Array, over: Array = maps) -> NDArray[np.intp]:
-        """Columns of one map that these channels follow together."""
-        key = (*channels, str(id(over)), str(id(scale)))
-        if key not in known:
-            of = np.any([observations.of(name) for name in channels], axis=0)
-            size = sum(len(block) for block in found)
-            found.append(over * np.where(of, scale, 0.0))
-            known[key] = np.arange(size, size + len(over))
-        return known[key]
 
-    def places() -> Iterator[tuple[str, NDArray[np.intp]]]:
-        seen = set()
-        for name, (together, apart) in _LOCATIONS.items():
-            shared = tuple(c for c in together if c in present)
-            own = tuple(c for c in apart if c in present)
-            key = (shared, own) if len(shared) > 1 else ((), (*shared, *own))  # one channel follows nobody
-            if key in seen or not (shared or own):
-                continue
-            seen.add(key)
-            scale = at_output if name == "output" and len(shared) > 1 else watt
-            columns = [part(shared, scale)] if shared else []
-            yield name, np.concatenate([*columns, *(part((c,), watt) for c in own)])
-        if np.ptp(time_s) > 0.0 and "efficiency" in present:
-            yield IN_TIME, part(("efficiency",), watt, later)
+def _levels(observations: Observations, used: NDArray[np.intp]) -> Array:
+    """Always, with the bridges on, under load, (3, N)."""
+    p = observations.points.take(used)
+    return np.stack([np.ones(used.size), np.asarray(p.pwm), np.asarray(p.power_W) > 0]).astype(np.float64)
 
-    configurations = tuple(
-        Leftover(location=name, amplitude_W=amplitude, columns=columns)
-        for name, columns in list(places())
-        for amplitude in AMPLITUDES_W
-    )
-    return Leftovers(basis=np.concatenate(found), configurations=configurations)
+
+class _Basis:
+    """Columns of all parts as they are found, each part once; ``maps`` (r, M) are those over the set points."""
+
+    def __init__(self, observations: Observations, maps: Array) -> None:
+        self._observations, self._maps = observations, maps
+        self._blocks: list[Array] = []
+        self._known: dict[tuple[str, ...], NDArray[np.intp]] = {}
+
+    def add(self, channel: str, scale: Array, over: Array) -> NDArray[np.intp]:
+        """Columns of other maps (r, M) that one channel follows."""
+        size = sum(len(block) for block in self._blocks)
+        self._blocks.append(over * np.where(self._observations.of(channel), scale, 0.0))
+        return np.arange(size, size + len(over))
+
+    def part(self, channels: tuple[str, ...], scale: Array) -> NDArray[np.intp]:
+        """Columns of the maps that these channels follow together."""
+        key = (*channels, str(id(scale)))
+        if key not in self._known:
+            of = np.any([self._observations.of(name) for name in channels], axis=0)
+            size = sum(len(block) for block in self._blocks)
+            self._blocks.append(self._maps * np.where(of, scale, 0.0))
+            self._known[key] = np.arange(size, size + len(self._maps))
+        return self._known[key]
+
+    def leftovers(self, found: Iterable[tuple[str, NDArray[np.intp], tuple[float, ...]]]) -> Leftovers:
+        """All configurations: places with their columns, at each amplitude."""
+        configurations = tuple(
+            Leftover(location=name, amplitude_W=amplitude, columns=columns)
+            for name, columns, amplitudes in found
+            for amplitude in amplitudes
+        )
+        return Leftovers(basis=np.concatenate(self._blocks), configurations=configurations)

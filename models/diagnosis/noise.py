@@ -116,6 +116,11 @@ def sigma_of(observations: Observations, noise: list[ChannelNoise]) -> Array:
     return sigma
 
 
+def usual_noise(channel: str) -> float | None:
+    """What a channel's noise usually is, relative; None of one whose noise is not proportional."""
+    return _WITHOUT_REPLICATES.get(channel)
+
+
 def resolution(values: Array) -> float:
     """The decimal step that all values (n,) are multiples of: how far a table was rounded; 0 if to nothing coarse.
 

@@ -1,13 +1,15 @@
 """Hypotheses are simulated at their values until they stand still: the simulator decides, not its tangent."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.geometry import Geometry
+from models.diagnosis.geometry import Directions, Geometry, Projection
 from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
+from models.diagnosis.law import Laws
+from models.diagnosis.leftover import Leftover
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
@@ -22,6 +24,7 @@ _LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
 _STILL = 0.2  # of the value's standard deviation
 _REACH = 0.7  # prior scales that one step may go
 _WITHIN = 3.0  # sigmas that a spread may take
+_ASIDE = 0.1  # of the prior scale: from a fitted value to the one that tells its slope
 _FAR_ENOUGH = 0.2  # standard deviations between two states that tell a slope
 
 
@@ -33,6 +36,7 @@ class Refinery:
     observations: Observations
     baseline: Model
     geometry: Geometry
+    laws: Laws = field(default_factory=Laws.none)
     near: Result | None = None
 
     @property
@@ -40,13 +44,33 @@ class Refinery:
         """Readings less the baseline's prediction, (M,)."""
         return self.observations.value - self.known.baseline
 
+    def law(self, fit: Fit) -> list[Directions]:
+        """The directions in which a fit's laws may be wrong."""
+        laws = (self.laws.directions(t.signature, t.distance) for t in fit.terms)
+        return [law for law in laws if law is not None]
+
+    def seen(self, fits: Sequence[Fit], *, basis: bool = True) -> list[Projection]:
+        """The vectors of every fit and the columns of its laws, projected in one look at the readings."""
+        vectors = [fit.vectors(self.residual) for fit in fits]
+        return self.geometry.project_all(vectors, [self.law(fit) for fit in fits], basis=basis)
+
+    def solved(self, fit: Fit, leftover: Leftover | None = None) -> Array:
+        """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""
+        law = [d.vectors for d in self.law(fit)]
+        vectors = np.concatenate([(self.residual - fit.shift)[None], *law])
+        left, *beside = self.geometry.solve(vectors, fit.own(self.known), leftover)
+        if not beside:
+            return np.asarray(left)
+        inner = np.eye(len(beside)) + vectors[1:] @ np.stack(beside).T
+        return np.asarray(left - np.linalg.solve(inner, vectors[1:] @ left) @ np.stack(beside))
+
     def weighed(self, fit: Fit) -> Weighed:
         """The evidence of a fit as it stands."""
         return self.weighed_all([fit])[0]
 
     def weighed_all(self, fits: Sequence[Fit]) -> list[Weighed]:
         """The evidence of every fit as it stands, in one look at the readings."""
-        seen = self.geometry.project_all([fit.vectors(self.residual) for fit in fits], basis=False)
+        seen = self.seen(fits, basis=False)
         return [
             weigh(fit, part, self.geometry, fit.own(self.known)) for fit, part in zip(fits, seen, strict=True)
         ]
@@ -54,10 +78,14 @@ class Refinery:
     def spreads(self, fit: Fit) -> Array:
         """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
         own = fit.own(self.known)
-        left = self.geometry.project((self.residual - fit.shift)[None])
-        onto = left.on_spreads[:, 0]
+        left = self.geometry.project((self.residual - fit.shift)[None], self.law(fit))
+        onto, between = left.on_spreads[:, 0], self.geometry.between_spreads
+        if len(left.each_other) > 1:
+            law = left.on_spreads[:, 1:]
+            inner = np.eye(law.shape[1]) + left.each_other[1:, 1:]
+            taken = np.linalg.solve(inner, np.column_stack([left.each_other[1:, 0], law.T]))
+            onto, between = onto - law @ taken[:, 0], between - law @ taken[:, 1:]
         if own.size:
-            between = self.geometry.between_spreads
             inner = np.eye(own.size) - between[np.ix_(own, own)]
             onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]
         onto[own] = 0.0
@@ -85,6 +113,33 @@ class Refinery:
             seen.append(replace(fit, shift=np.where(np.isfinite(shift), shift, fit.shift)))
         weighed = self.weighed_all(seen)
         return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(seen, weighed, strict=True)]
+
+    def sharpened(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits with slopes that are simulated at their values, all spreads as they are."""
+        states = [self.spreads(fit) for fit in fits]
+        aside = [
+            [
+                replace(fit, terms=(*fit.terms[:k], t.aside(_ASIDE), *fit.terms[k + 1 :]))
+                for k, t in enumerate(fit.terms)
+            ]
+            for fit in fits
+        ]
+        models = [
+            self.model(f, state)
+            for fit, state, moved in zip(fits, states, aside, strict=True)
+            for f in (fit, *moved)
+        ]
+        seen = iter(self.observations.simulate(models, self.near))
+        found = []
+        for fit, moved in zip(fits, aside, strict=True):
+            here = next(seen)
+            terms = [
+                t.with_slope((next(seen) - here) / (f.terms[k].value - t.value))
+                for k, (t, f) in enumerate(zip(fit.terms, moved, strict=True))
+            ]
+            found.append(replace(fit, terms=tuple(terms)))
+        weighed = self.weighed_all(found)
+        return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(found, weighed, strict=True)]
 
     def followed(self, fits: Iterable[Fit], leader: float = -np.inf) -> list[Fit]:
         """Newton's steps from simulated fits until all stand still, each to its best state.

@@ -3,18 +3,21 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import covariance
 from models.diagnosis.evidence import on_tangents, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
+from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
-from models.diagnosis.noise import ChannelNoise, corrected, sigma_of
+from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
+from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
@@ -22,6 +25,8 @@ _LOOKS = 6  # a reading far off pulls the explanation towards it: it takes a few
 _SETTLED = 0.1  # relative change of a standard deviation
 _LEADING = 4  # effects that are weighed beside leftovers for it
 _PROBES = 24  # random signs that estimate a trace to three per cent
+_DRIFTS = 3.0  # times the usual noise of an instrument: replicates that scatter by more may drift
+_ROUGH = 0.02  # of what the best explanation moves a reading by: no law is good to less, from one reading to the next
 _SEED = 0  # of the probes
 
 
@@ -48,43 +53,118 @@ def set_up(
     observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
 ) -> Setting:
     """The setting with the noise of replicates, corrected by what the best tangent leaves."""
-    rivals = leftovers(observations, known.per_watt)
-    first = before = sigma = left = sigma_of(observations, noise)
-    for _ in range(_LOOKS):
-        left = _left_out(_setting(observations, baseline, known, sigma, rivals))
-        before, sigma = sigma, corrected(observations, noise, first, left * sigma / first)
-        if np.all(np.abs(np.log(sigma / before)) < _SETTLED):
-            break
-    near = observations.reference(baseline)
-    setting = _setting(observations, baseline, known, sigma, rivals)
+    bench = _Bench(observations, baseline, known, noise, leftovers(observations, known.per_watt))
+    first = sigma_of(observations, noise)
+    best = bench.settled(first)
+    if (steadier := _steadier(observations, noise, first)) is not None:
+        best = max(best, bench.settled(steadier), key=lambda settled: settled.log_evidence)
+    found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
+    near = known.start(observations, baseline)
+    columns = law_columns(known.effects, observations, _state(observations, near))
+    laws = Laws.of(columns, found.refinery.geometry)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
-        setting,
-        far_off=np.abs(left) * before / usual[observations.channel],
-        refinery=replace(setting.refinery, near=near),
+        found,
+        far_off=best.left / usual[observations.channel],
+        refinery=replace(found.refinery, near=near, laws=laws),
     )
 
 
-def _setting(
-    observations: Observations, baseline: Model, known: Signatures, sigma: Array, rivals: Leftovers
-) -> Setting:
-    parts = covariance(observations, sigma, known)
-    geometry = Geometry.of(Whitener.of(parts), known.spreads, rivals)
-    refinery = Refinery(known=known, observations=observations, baseline=baseline, geometry=geometry)
-    return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery)
+def _steadier(observations: Observations, noise: list[ChannelNoise], sigma: Array) -> Array | None:
+    """The noise (M,) where replicates that scatter widely do so by a slow drift; None where none does."""
+    scale = np.ones_like(sigma)
+    for entry in noise:
+        usual = usual_noise(entry.channel)
+        if usual is not None and entry.sigma > _DRIFTS * usual:
+            scale[observations.of(entry.channel)] = usual / entry.sigma
+    return scale * sigma if np.any(scale < 1.0) else None
 
 
-def _left_out(setting: Setting) -> Array:
-    """What the best explanation on tangents leaves of every reading, in sigmas, as if it had not been fitted, (M,)."""
-    refinery = setting.refinery
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Settled:
+    """Noise and the doubt about the best explanation, (M,), what that leaves in its unit, and how good it is."""
+
+    sigma: Array
+    doubt: Array
+    left: Array
+    log_evidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """All that stays while the noise is looked for."""
+
+    observations: Observations
+    baseline: Model
+    known: Signatures
+    noise: list[ChannelNoise]
+    rivals: Leftovers
+
+    def setting(self, sigma: Array, doubt: Array) -> Setting:
+        """The setting with this noise (M,) and this doubt (M,) about what explains the readings."""
+        parts = covariance(self.observations, np.hypot(sigma, doubt), self.known)
+        geometry = Geometry.of(Whitener.of(parts), self.known.spreads, self.rivals)
+        refinery = Refinery(
+            known=self.known, observations=self.observations, baseline=self.baseline, geometry=geometry
+        )
+        return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery)
+
+    def settled(self, first: Array) -> _Settled:
+        """Looks at what the best explanation leaves until the noise, ``first`` (M,) at the beginning, stands still."""
+        sigma, doubt = first, np.zeros_like(first)
+        for _ in range(_LOOKS):
+            look = _look(self.setting(sigma, doubt))
+            before, sigma = sigma, corrected(self.observations, self.noise, first, look.left * sigma / first)
+            changed, doubt = np.hypot(before, doubt), _ROUGH * np.abs(look.explained)
+            if np.all(np.abs(np.log(np.hypot(sigma, doubt) / changed)) < _SETTLED):
+                break
+        return _Settled(
+            sigma=sigma, doubt=doubt, left=np.abs(look.left) * before, log_evidence=look.log_evidence
+        )
+
+
+def _state(observations: Observations, near: Result) -> dict[str, Array]:
+    """What a threshold may be of, (N,) by row of the frame: measured where it was, else as the baseline has it."""
+    used, state = np.unique(observations.row), {}
+    for name in ("T_heatsink_C", "I1_A"):
+        known = np.full(len(observations.frame), np.nan)
+        known[used] = near[name]
+        if name in observations.frame:
+            known = observations.frame[name].astype(float).fillna(pd.Series(known)).to_numpy()
+        state[name] = known
+    return state
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Look:
+    """The best explanation on tangents, (M,): the cause with the leftover beside it, and how good it is.
+
+    ``left`` (M,) is what it leaves of every reading, in sigmas as if that one had not been fitted.
+    """
+
+    explained: Array
+    left: Array
+    log_evidence: float
+
+
+def _look(setting: Setting) -> _Look:
+    refinery, geometry = setting.refinery, setting.refinery.geometry
     nothing, *tangents = on_tangents(refinery)
     leading = sorted(tangents, key=lambda fit: -fit.log_evidence)[:_LEADING]
     best = weighed_with_leftovers(refinery, [nothing, *leading])[0]
     own = best.fit.own(refinery.known)
     signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, setting.sigma.size))
     vectors = np.concatenate([(refinery.residual - best.fit.shift)[None], signs * setting.sigma])
-    solved = setting.sigma * refinery.geometry.solve(vectors, own, best.leftover)
+    pulled = geometry.solve(vectors, own, best.leftover)
+    explained = best.fit.shift
+    if best.leftover is not None:
+        explained = explained + geometry.leftovers.of(best.leftover, pulled[0])
+    solved = setting.sigma * pulled
     free = np.mean(signs * solved[1:], axis=0)  # of each reading: the share that was not absorbed, roughly
     channel = refinery.observations.channel
     share = np.array([np.mean(free[channel == k]) for k in range(int(channel.max()) + 1)])[channel]
-    return np.asarray(solved[0] / np.sqrt(np.maximum(share, 0.05)))
+    return _Look(
+        explained=explained,
+        left=solved[0] / np.sqrt(np.maximum(share, 0.05)),
+        log_evidence=best.fit.log_evidence - 0.5 * geometry.whitener.log_determinant,
+    )

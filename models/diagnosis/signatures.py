@@ -5,13 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.inaccuracy import inaccuracy
 from models.diagnosis.observations import Observations
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
-from sim.simulate import Points, can_run, simulate
+from sim.simulate import Points, Result, can_run, simulate_many
 from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
@@ -25,6 +26,7 @@ _SILENT = 1e-3  # over all readings, in their units: above the solver's toleranc
 _APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
+_LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
 _STEP = (
     0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
 )
@@ -55,7 +57,8 @@ class Signatures:
     The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
     tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
-    ``per_watt`` (M,) its change for one watt more at the output.
+    ``per_watt`` (M,) its change for one watt more at the output. ``near`` is the baseline's simulation at ``rows`` of
+    the frame, for variants to start from.
     """
 
     baseline: Array
@@ -65,6 +68,15 @@ class Signatures:
     spreads: Array
     input_sigma: Array
     per_watt: Array
+    inaccuracy: Array
+    rows: NDArray[np.intp] | None = None
+    near: Result | None = None
+
+    def start(self, observations: Observations, baseline: Model) -> Result:
+        """The baseline's simulation at the rows with readings."""
+        if self.near is None or self.rows is None:
+            return observations.reference(baseline)
+        return self.near.take(np.searchsorted(self.rows, np.unique(observations.row)))
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
@@ -87,6 +99,7 @@ class Signatures:
             spreads=self.spreads[:, readings],
             input_sigma=self.input_sigma[readings],
             per_watt=self.per_watt[readings],
+            inaccuracy=self.inaccuracy[:, readings],
         )
 
 
@@ -116,12 +129,13 @@ def signatures(
         models.append(baseline.with_effect(name, **{entry.headline.name: start + step_of(entry), **other}))
     spreads = everyday_spread(baseline.converter)
     models += [Model(converter=s.shifted(baseline.converter, 1.0), effects=baseline.effects) for s in spreads]
-    base, *moved = observations.simulate(models)
+    near = observations.reference(baseline)
+    base, *moved = observations.simulate(models, near)
     found = [
         Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
         for (name, entry, other), after in zip(entries, moved[: len(entries)], strict=True)
     ]
-    (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base)
+    (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base, near)
     effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
     everyday = {
         s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry, spreads)
@@ -135,6 +149,9 @@ def signatures(
         spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, np.stack(list(everyday.values()))]),
         input_sigma=input_sigma,
         per_watt=per_watt,
+        inaccuracy=inaccuracy(observations, near),
+        rows=np.unique(observations.row),
+        near=near,
     )
 
 
@@ -184,7 +201,7 @@ def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bo
 
 
 def _inputs(
-    observations: Observations, baseline: Model, base: Array
+    observations: Observations, baseline: Model, base: Array, near: Result
 ) -> tuple[tuple[Array, Array], Array, Array]:
     """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2; and a watt more.
 
@@ -200,7 +217,7 @@ def _inputs(
         replace(p, power_W=p.power_W * (1 + _APART)),
         replace(p, power_W=p.power_W * (1 - _APART)),
     ]
-    result = simulate(baseline, Points.join(moved))
+    (result,) = simulate_many([baseline], Points.join(moved), near)
     V1, V2, P2, more, less = (observations.predicted(result, row + k * used.size) - base for k in range(5))
     folded = observations.of("D0") & ~(np.abs(more + less) < _FOLD)
     P2 = np.where(folded, np.nan, P2)
@@ -215,7 +232,8 @@ def _instrument_spreads(observations: Observations, converter: Converter) -> dic
 
     Gains of the dc ports and the input's offset are the tolerances of the effects of that name. Beside them the
     output is good to 0.05 % of range, and an ac power to 0.3 % of reading and 0.2 % of range; a uniform error of
-    that width has a sigma of width over root three. A temperature sensor is taken as good to half a kelvin.
+    that width has a sigma of width over root three. A temperature sensor is taken as good to half a kelvin,
+    and shows some of the row before.
     Assumption: the power range in use is three quarters of the rated power, as overrange allows.
     """
     power = np.asarray(observations.points.power_W)[observations.row]
@@ -231,4 +249,15 @@ def _instrument_spreads(observations: Observations, converter: Converter) -> dic
         table[f"{link} offset"] = np.where(observations.of(link), ac_offset_W, 0.0)
     for sensor in ("T_heatsink_C", "T_transformer_C", "T_inductor_C"):
         table[f"{sensor} offset"] = np.where(observations.of(sensor), 0.5, 0.0)
+        table[f"{sensor} lag"] = _LAG * _from_before(observations, sensor)
     return table
+
+
+def _from_before(observations: Observations, name: str) -> Array:
+    """How far each reading of a channel lies below the one before it in time, (M,); 0 without time."""
+    drop, readings = np.zeros(observations.value.size), np.flatnonzero(observations.of(name))
+    time_s = np.asarray(observations.points.time_s)[observations.row[readings]]
+    if readings.size and np.ptp(time_s) > 0.0:
+        ordered = readings[np.argsort(time_s, kind="stable")]
+        drop[ordered[1:]] = -np.diff(observations.value[ordered])
+    return drop

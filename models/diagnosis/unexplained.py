@@ -55,11 +55,9 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
     best = with_one[0]
     assert best.leftover is not None
     geometry, observations = refinery.geometry, refinery.observations
-    left = (refinery.residual - best.fit.shift)[None]
-    pulled = geometry.solve(left, best.fit.own(refinery.known), best.leftover)[0]
-    columns = best.leftover.amplitude_W * geometry.leftovers.basis[best.leftover.columns]
+    pulled = refinery.solved(best.fit, best.leftover)
     at = observations.of("efficiency") & observations.loaded[observations.row]
-    shift = columns.T @ (columns @ pulled)
+    shift = geometry.leftovers.of(best.leftover, pulled)
     rows, watts = observations.row[at], shift[at]
     formula, explained = shortest_formula(observations.points.take(rows), watts)
     return Unexplained(

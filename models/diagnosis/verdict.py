@@ -25,6 +25,7 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
     3.0,
 )  # times the leftover's length; a threshold catches what is not smooth
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
+_LIKELY = 0.5  # probability from which a threshold that is no cause has to be reckoned with
 _FAINT = 12.0  # sigmas of a leftover that the model's own shortcomings have on any bench
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
@@ -89,6 +90,14 @@ def _catches(term: Term, fit: Fit) -> bool:
     return beside and abs(term.distance) < _OF_ITS_OWN * term.head.prior
 
 
+def _caught(hypotheses: Sequence[Hypothesis]) -> float:
+    """How many sigmas a threshold has that is probable but no cause: what is left over by another name; 0 without."""
+    caught = [(h.probability, t) for h in hypotheses for t in h.fit.terms if _catches(t, h.fit)]
+    if sum(probability for probability, _ in caught) < _LIKELY:
+        return 0.0
+    return max(caught, key=lambda entry: entry[0])[1].significance
+
+
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     """Every cause with the probability that it is further off than on any ordinary bench, most probable first."""
     best: dict[str, Fit] = {}
@@ -139,7 +148,7 @@ def judge(
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
-    least = 0.0 if faint else leftover
+    least = max(leftover, _caught(hypotheses))
     large = [c for c in causes if c.term.significance >= least * _above(c.term)]
     named = tuple(c.effect for c in large if c.probability >= SURE)
     rest = [c for c in large if c.effect not in named]

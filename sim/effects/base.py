@@ -40,7 +40,10 @@ class EffectParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench."""
+    """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench.
+
+    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does.
+    """
 
     name: str
     stage: str
@@ -48,6 +51,7 @@ class Effect:
     says: str
     check_on_bench: str
     threshold: bool = False
+    law: float = 0.02
 
     @property
     def headline(self) -> EffectParameter:
@@ -82,6 +86,15 @@ class Effect:
         p = self.headline if name is None else next(p for p in self.parameters if p.name == name)
         return values.get(p.name, p.off)
 
+    def spread_at(self, value: float) -> float:
+        """How far the everyday spread of a part moves the headline that is read from it, one sigma."""
+        return self.headline.tolerance
+
+    def near(self, threshold: str, state: Array, values: Values) -> NDArray[np.bool_]:
+        """Where a state (N,) is within the tolerance of the threshold of that name."""
+        p = next(p for p in self.parameters if p.name == threshold)
+        return np.asarray(np.abs(state - self.value(values, threshold)) <= p.tolerance)
+
     def converter(self, converter: Converter, values: Values) -> Converter:
         """The converter's parameters as they really are."""
         return converter
@@ -93,6 +106,10 @@ class Effect:
     def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
         """A loss at the input that the circuit does not have, in W, (N,) or a float."""
         return 0.0
+
+    def undecided(self, points: Points, state: Mapping[str, Array], values: Values) -> NDArray[np.bool_]:
+        """Points (N,) so near a threshold that they may lie on either side of it; none of an effect without one."""
+        return np.zeros(len(points), dtype=bool)
 
     def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
         """What the instruments show of the truth."""

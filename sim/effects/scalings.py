@@ -28,6 +28,12 @@ class ParameterEffect(Effect):
     paths: tuple[str, ...]
     change: Callable[[Any, float], Any]
 
+    def spread_at(self, value: float) -> float:
+        """A scaled part's spread is scaled too; a part that was replaced has its value and no spread."""
+        if self.change is _replaced:
+            return 0.0
+        return self.headline.tolerance * (1.0 + value if self.change is _scaled else 1.0)
+
     def converter(self, converter: Converter, values: Values) -> Converter:
         """The converter with the named parameters changed; the very same object at the OFF value."""
         value = self.value(values)
@@ -95,6 +101,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_parameter("extra_at_fs", "1", 0.04, 0.5, (-0.03, 5.0)),
         paths=("inductor.winding.ac_extra", "transformer.winding.ac_extra"),
         change=_added,
+        law=0.15,
         says=(
             "the windings' resistance at the switching frequency is higher than modelled: skin and "
             "proximity effect"
@@ -122,6 +129,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_parameter("relative_drop", "1", 0.01, 0.15, (0.0, 0.6)),
         paths=("inductor.saturation",),
         change=_added,
+        law=0.1,
         says="the link inductance falls with current: its core saturates, at 15 A by that much",
         check_on_bench="look at the link current's corners at full load with a current probe: are they pointed?",
     ),
@@ -134,6 +142,7 @@ SCALINGS: tuple[Effect, ...] = (
         ),
         paths=("transformer.magnetizing_H",),
         change=_replaced,
+        law=0.05,
         says="the magnetizing inductance differs: an air gap in the transformer's core, or another grade",
         check_on_bench="measure the transformer's open-circuit inductance at working flux",
     ),
@@ -143,6 +152,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_parameter("error_s", "s", 8e-9, 80e-9, (-300e-9, 600e-9)),
         paths=("dead_time_s",),
         change=_added,
+        law=0.05,
         says="the dead time at the gates differs from its set value",
         check_on_bench="measure both gate signals of one leg at the switches with an oscilloscope",
     ),
@@ -164,6 +174,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_parameter("voltage_V", "V", 0.03, 0.3, (-0.5, 2.0)),
         paths=("primary.inner.on.threshold_V",),
         change=_added,
+        law=0.05,
         says="the inner switches drop more than the datasheet's typical value: gate voltage, batch or ageing",
         check_on_bench="measure the saturation voltage at load with a clamp probe, and the gate voltage",
     ),
@@ -173,6 +184,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.04, 0.4),
         paths=tuple(f"{s}.on.resistance_Ohm" for s in _SIC),
         change=_scaled,
+        law=0.05,
         says="the SiC switches' on-resistance is higher than the datasheet's typical value",
         check_on_bench=(
             "measure drain-source voltage at dc load current with the gate on, at working temperature"
@@ -184,6 +196,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.03, 0.4),
         paths=("primary.clamp.on.threshold_V", "primary.clamp.on.resistance_Ohm"),
         change=_scaled,
+        law=0.05,
         says="the clamp diodes drop more than the datasheet's typical value",
         check_on_bench="measure the clamp diodes' forward voltage at load current and working temperature",
     ),
@@ -193,6 +206,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.08, 0.7),
         paths=tuple(f"primary.{s}.turn_off.energy_J" for s in ("outer", "inner", "switch")),
         change=_scaled,
+        law=0.15,
         says=(
             "the primary switches lose more at turn-off than the datasheet scales to: gate resistor, "
             "stray inductance, tail current"
@@ -208,6 +222,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.08, 2.0, (-0.6, 20.0)),
         paths=("secondary.switch.turn_off.energy_J",),
         change=_scaled,
+        law=0.15,
         says=(
             "the secondary switches lose more at turn-off than the datasheet scales to: gate resistor, "
             "stray inductance"
@@ -220,6 +235,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_started(_relative(0.06, 0.7), (-0.3, 0.3, 0.7)),  # edges lose zero voltage one by one
         paths=tuple(f"{s}.capacitance.zero_bias_F" for s in _SIC),
         change=_scaled,
+        law=0.1,
         says="the SiC switches' nodes have more capacitance than modelled: device, snubber or board",
         check_on_bench="time the node's voltage slope in the dead time at a known current",
     ),
@@ -229,6 +245,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.15, 1.5, (-0.8, 15.0)),
         paths=tuple(f"{d}.recovery.charge_C" for d in ("primary.clamp", *_SIC)),
         change=_scaled,
+        law=0.15,
         says="diodes lose more at hard commutation than modelled: recovery charge",
         check_on_bench="look at the turn-on current's overshoot at a hard edge, cold and warm",
     ),
@@ -238,6 +255,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.07, 0.6),
         paths=("transformer.core.k",),
         change=_scaled,
+        law=0.1,
         says=(
             "the transformer's core loses more than its material data say: grade, gap, dc bias or temperature"
         ),
@@ -249,6 +267,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.07, 1.0, (-0.6, 6.0)),
         paths=("inductor.core.k",),
         change=_scaled,
+        law=0.1,
         says="the inductor's core loses more than its material data say: fringing at the gap, grade, dc bias",
         check_on_bench="compare the inductor's temperature at equal rms current and different ripple",
     ),
@@ -258,6 +277,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_parameter("power_W", "W", 0.1, 3.0, (0.0, 50.0)),
         paths=("auxiliary_power_W",),
         change=_added,
+        law=0.01,
         says="gate drivers, fan or control draw constant power from the input while the bridges switch",
         check_on_bench="feed the gate drivers and the fan from a supply of their own, and measure that",
     ),
@@ -290,6 +310,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.06, 0.6),
         paths=("heatsink_K_per_W",),
         change=_scaled,
+        law=0.05,
         says="the heatsink runs hotter for its loss than modelled: fan, dust, mounting",
         check_on_bench="compare the heatsink's temperature with its loss at steady state; look at the fan",
     ),

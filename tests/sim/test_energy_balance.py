@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from sim.bridges import part_names
-from sim.fixed_point import OperatingState, operate
+from sim.fixed_point import operate
 from sim.prototype import prototype
 from sim.simulate import Result
+from sim.station import OperatingState
 
 BEFORE, BEHIND = part_names(prototype())
 IN_CIRCUIT = [k for k in (*BEFORE, *BEHIND) if k.endswith("_conduction")]

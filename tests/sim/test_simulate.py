@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK
 from sim.model import Model
 from sim.modulation import centre_offset, hybrid_edges
 from sim.operating_points import Points, grid
@@ -13,6 +12,7 @@ from sim.parameters import Converter, ParameterError
 from sim.piecewise import power_share
 from sim.prototype import prototype
 from sim.simulate import PARTS, Result, simulate, simulate_many
+from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK
 
 LOSSLESS_SCALE_W = 300 * 280 / (2 * 20e3 * 236e-6)
 

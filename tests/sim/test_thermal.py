@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.fixed_point import AT_INPUT, AT_OUTPUT, IN_LINK
 from sim.prototype import prototype
+from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK
 from sim.thermal import temperatures
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
+from models.diagnosis.law import Laws
 from models.diagnosis.leftover import AMPLITUDES_W, Leftover, Leftovers
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.refinery import Refinery
@@ -54,6 +55,7 @@ def known(effects: Sequence[Signature], readings: int, spreads: Array | None = N
         spreads=directions,
         input_sigma=np.zeros(readings),
         per_watt=np.zeros(readings),
+        inaccuracy=np.zeros((2, readings)),
     )
 
 
@@ -87,17 +89,23 @@ def white_leftovers(readings: int) -> Leftovers:
 
 
 def refinery(
-    value: Array, effects: Sequence[Signature], sigma: Array, spreads: Array | None = None
+    value: Array,
+    effects: Sequence[Signature],
+    sigma: Array,
+    spreads: Array | None = None,
+    laws: Sequence[tuple[Signature, Array]] = (),
 ) -> Refinery:
-    """A linear bench's refinery: independent noise, spreads, and a leftover that is white."""
+    """A linear bench's refinery: independent noise, spreads, a leftover that is white, and laws' columns (r, M)."""
     signatures = known(effects, value.size, spreads)
     bench = LinearBench(value, effects)
     whitener = Whitener.of(covariance_of(sigma, signatures.spreads))
+    geometry = Geometry.of(whitener, signatures.spreads, white_leftovers(value.size))
     return Refinery(
         known=signatures,
         observations=bench,  # type: ignore[arg-type]  # as much of it as a refinery needs
         baseline=Model.baseline(),
-        geometry=Geometry.of(whitener, signatures.spreads, white_leftovers(value.size)),
+        geometry=geometry,
+        laws=Laws.of(laws, geometry),
     )
 
 

@@ -11,6 +11,7 @@ from models.diagnosis.diagnose import Diagnosis, diagnose
 from tests.models.diagnosis.virtual_campaign import lab_campaign
 
 SEED = 7
+FOREIGN = "gain_wander"  # seen over time only
 HIDDEN = (
     "link_resistance", "gate_delay_skew", "auxiliary_power", "core_loss_transformer", "analyzer_gain",
     "ambient_drift",
@@ -52,3 +53,10 @@ def test_where_it_costs_power_the_extension_gains_on_bands_not_fitted(hidden: tu
         assert gain.after < gain.before
         assert gain.ci95[0] > 0
     assert gain.calibrated < 0.5 * gain.before  # with the spreads beside it, gains whatever the cause is
+
+
+def test_an_instrument_that_wanders_is_unknown_over_time() -> None:
+    diagnosis = diagnose(lab_campaign({FOREIGN: 0.003}, seed=SEED, count=48))
+    assert diagnosis.verdict.kind == "unknown"
+    assert diagnosis.unexplained is not None
+    assert diagnosis.unexplained.location == "gain over time"

@@ -69,4 +69,5 @@ def test_a_leftover_sits_only_where_a_channel_shows_it() -> None:
     observations = loads(np.linspace(300.0, 1500.0, READINGS))
     rivals = leftovers(observations, np.ones(READINGS))
     places = {c.location for c in rivals.configurations}
-    assert places == {"input", "over time"}  # with the input power alone the others are the same, or nothing
+    # with the input power alone the others are the same, or nothing
+    assert places == {"input", "input, straight", "over time", "gain over time"}

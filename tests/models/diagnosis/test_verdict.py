@@ -1,5 +1,7 @@
 """Verdicts from made-up probabilities, and isolability from made-up shifts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -127,7 +129,7 @@ def test_while_all_may_be_in_order_there_is_no_group() -> None:
 
 def test_a_cause_that_is_small_beside_what_is_left_over_is_not_named() -> None:
     entries = (("link_resistance", ALONG, 1.5, 0.99), (None, 0 * ALONG, 5.0, 0.01))
-    assert judged(*entries, leftover=11.0).kind == "named"  # faint: the model's own shortcomings
+    assert judged(*entries, leftover=7.0).kind == "named"
     assert judged(*entries, leftover=13.0).kind == "unknown"  # the made-up values are 10 sigmas from off
 
 
@@ -144,3 +146,24 @@ def test_a_small_threshold_beside_another_cause_does_not_count() -> None:
         fit = joint_fit({"link_resistance": ALONG, "fan_step": ACROSS}, ALONG + ACROSS, value=value)
         verdict = judge([Hypothesis(fit=fit, leftover=None, probability=1.0)], WHITENER)
         assert set(verdict.stated) - {"link_resistance"} == set(stated)
+
+
+def test_a_threshold_that_is_no_cause_stands_in_the_way_as_what_is_left_over_does() -> None:
+    prior = CATALOGUE["fan_step"].headline.prior
+    fit = joint_fit({"link_resistance": ALONG, "fan_step": ACROSS}, ALONG + ACROSS, value=0.6 * prior)
+    link = replace(fit.terms[0], value=1.0)  # ten sigmas from off, the fan eighteen
+    for probability, kind in ((0.9, "unknown"), (0.02, "named")):
+        caught = Hypothesis(
+            fit=replace(fit, terms=(link, fit.terms[1])), leftover=None, probability=probability
+        )
+        alone = Hypothesis(
+            fit=joint_fit({"link_resistance": ALONG}, ALONG), leftover=None, probability=1 - probability
+        )
+        assert judge([caught, alone], WHITENER).kind == kind
+
+
+def test_a_cause_smaller_than_even_a_faint_leftover_is_not_named() -> None:
+    fit = joint_fit({"link_resistance": ALONG}, ALONG)  # ten sigmas from off
+    for leftover, kind in ((7.0, "named"), (9.0, "unknown")):
+        assert judge([Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0)], WHITENER,
+                     leftover=leftover).kind == kind  # fmt: skip

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.simulate import Points, Result, simulate, simulate_many
 
@@ -102,3 +103,19 @@ def test_a_hotter_heatsink_has_its_resistance() -> None:
 def test_the_magnetizing_inductance_takes_the_place_of_the_old_one() -> None:
     model = Model.baseline().with_effect("magnetizing_inductance", inductance_H=4e-3)
     assert model.altered_converter().transformer.magnetizing_H == 4e-3
+
+
+def test_near_its_threshold_a_point_is_undecided() -> None:
+    heatsink_C = np.array([38.0, 39.0, 41.0])  # the threshold is good to 1.5 K
+    fan, none = CATALOGUE["fan_step"], CATALOGUE["auxiliary_power"]
+    state = {"T_heatsink_C": heatsink_C}
+    np.testing.assert_array_equal(fan.undecided(POINTS, state, {"threshold_C": 40.0}), [False, True, True])
+    assert not none.undecided(POINTS, state, {}).any()
+
+
+def test_a_scaled_parts_spread_is_scaled_and_a_replaced_one_has_none() -> None:
+    for name, value, times in (
+        ("thermal_resistance", 0.5, 1.5), ("link_resistance", 0.1, 1.0), ("magnetizing_inductance", 3e-3, 0.0),
+    ):  # fmt: skip
+        entry = CATALOGUE[name]
+        assert entry.spread_at(value) == pytest.approx(times * entry.headline.tolerance)

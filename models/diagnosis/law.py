@@ -1,0 +1,105 @@
+r"""What a cause's own law gets wrong in shape: a smooth error in proportion to what the cause does.
+
+A cause of value :math:`\theta` moves the readings by s as the simulator has it, and by :math:`s\,(1 + g)` in truth:
+its formula has another exponent, another dependence on temperature or time. g is a Gaussian process, smooth over
+(D1, D2, power) and over time, the same for all that follows from one watt, with a factor of its own for each channel:
+
+.. math:: C' = C + \rho^2 \theta^2 \operatorname{diag}(s_1)\, K \operatorname{diag}(s_1),
+
+:math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
+columns, it widens the covariance of every hypothesis that holds the cause: what a large one leaves then calls for no
+second one. g has no level: that is in the value, whose interval is at least what the law is worth. A reading near a
+threshold may lie on either side of it.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.covariance import locations
+from models.diagnosis.geometry import Directions, Geometry
+from models.diagnosis.leftover import smooth_maps
+from models.diagnosis.observations import Observations
+from models.diagnosis.signatures import Signature
+
+Array = NDArray[np.float64]
+
+_WIDER = 2.0  # than the correlation lengths of a map: exponents bend over the whole of it
+_OF_TIME = 0.5  # of the campaign
+
+State = Mapping[str, Array]
+Key = tuple[str, tuple[tuple[str, float], ...]]
+
+
+def _key(signature: Signature) -> Key:
+    return signature.effect, tuple(sorted(signature.other.items()))
+
+
+def law_maps(observations: Observations) -> Array:
+    """Relative errors of a law, one sigma each: smooth over the set points, over time, and one a channel, (r, M).
+
+    A level is none of them, nor a factor of the first channel: that is another value of the cause.
+    """
+    row = observations.row
+    time_s = np.asarray(observations.points.time_s)[:, None]
+    moment = time_s / max(float(np.ptp(time_s)) * _OF_TIME, 1e-9)
+    used, place = np.unique(row, return_inverse=True)
+    smooth = np.concatenate([smooth_maps(locations(observations)[used] / _WIDER), smooth_maps(moment[used])])
+    channels = np.arange(1, len(observations.channels))[:, None] == observations.channel
+    return np.concatenate(
+        [(smooth - smooth.mean(axis=1, keepdims=True))[:, place], channels.astype(np.float64)]
+    )
+
+
+def law_columns(
+    signatures: Sequence[Signature], observations: Observations, state: State
+) -> Iterable[tuple[Signature, Array]]:
+    """Every signature with the columns (r, M) of its error at a distance of one from off.
+
+    ``state`` has quantities (N,) of the frame's rows, for the thresholds.
+    """
+    maps = law_maps(observations)
+    for s in signatures:
+        columns = s.entry.law * maps * s.slope
+        if s.entry.threshold:
+            variants = [v for v in signatures if v.effect == s.effect]
+            columns = np.concatenate([columns, _undecided(s, variants, observations, state)])
+        yield s, columns
+
+
+def _undecided(
+    signature: Signature, variants: Iterable[Signature], observations: Observations, state: State
+) -> Array:
+    """One column for each reading that a threshold's effect may have or not, (u, M), at a distance of one from off."""
+    entry = signature.entry
+    near = entry.undecided(observations.points, state, signature.values(entry.headline.off))[observations.row]
+    reach = np.max(np.abs([v.slope for v in variants]), axis=0)
+    touched = np.flatnonzero(near & (reach > 0))
+    columns = np.zeros((touched.size, reach.size))
+    columns[np.arange(touched.size), touched] = reach[touched]
+    return columns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Laws:
+    """The error's columns of every signature at a distance of one from off, with their products."""
+
+    known: dict[Key, Directions]
+
+    @classmethod
+    def none(cls) -> Self:
+        """Every law is exact."""
+        return cls(known={})
+
+    @classmethod
+    def of(cls, columns: Iterable[tuple[Signature, Array]], geometry: Geometry) -> Self:
+        """The laws of some signatures from their columns (r, M)."""
+        return cls(known={_key(s): geometry.directions(own) for s, own in columns})
+
+    def directions(self, signature: Signature, distance: float) -> Directions | None:
+        """The columns for a value at this distance from off; None for an exact law."""
+        found = self.known.get(_key(signature))
+        return None if found is None or distance == 0.0 else found.scaled(abs(distance))

@@ -1,0 +1,93 @@
+"""A cause whose own law is a little wrong in shape: it stays one cause, and its interval says so."""
+
+import numpy as np
+import pytest
+
+from models.diagnosis.evidence import posterior
+from models.diagnosis.geometry import Geometry
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.law import Laws, law_columns, law_maps
+from models.diagnosis.leftover import Leftovers
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.signatures import Signature
+from models.diagnosis.whitener import Whitener
+from tests.models.diagnosis.fabricated import loads, refinery
+
+READINGS = 60
+SIGMA = np.full(READINGS, 0.1)
+POWER_W = np.random.default_rng(1).uniform(200.0, 1800.0, READINGS)
+GROWING = 100.0 * (POWER_W / 1800.0) ** 2  # W per Ohm
+LINK = Signature(effect="link_resistance", slope=GROWING)
+AUXILIARY = Signature(effect="auxiliary_power", slope=np.ones(READINGS))
+GAIN = Signature(effect="analyzer_gain", slope=POWER_W)
+BENT = 0.05 * np.cos(np.pi * POWER_W / 1800.0)  # of the cause's shift, over all loads
+WRONG = 0.1 * GROWING * (1 + BENT) + SIGMA * np.random.default_rng(2).standard_normal(READINGS)
+MAPS = np.stack([np.cos(k * np.pi * POWER_W / 1800.0) for k in (1, 2, 3)])
+
+
+def bench(value: np.ndarray, law: float) -> Refinery:
+    return refinery(value, [LINK, AUXILIARY, GAIN], SIGMA, laws=[(LINK, law * MAPS * GROWING)])
+
+
+def named(value: np.ndarray, law: float) -> Fit:
+    return next(h.fit for h in posterior(bench(value, law)) if h.leftover is None)
+
+
+def test_a_law_wrong_in_shape_by_five_per_cent_brings_no_second_cause() -> None:
+    assert len(named(WRONG, 0.0).effects) > 1  # taken for exact, it does
+    assert named(WRONG, 0.05).effects == ("link_resistance",)
+
+
+def test_a_second_cause_that_is_there_is_still_found() -> None:
+    assert named(WRONG + 3.0, 0.05).effects == ("auxiliary_power", "link_resistance")
+
+
+def test_a_values_uncertainty_is_at_least_what_its_law_and_its_part_are_worth() -> None:
+    (term,) = named(WRONG, 0.05).terms
+    entry = term.signature.entry
+    assert term.uncertainty == pytest.approx(
+        np.sqrt(term.sigma**2 + entry.headline.tolerance**2 + (entry.law * term.value) ** 2), rel=1e-12
+    )
+    assert term.sigma > 2 * named(WRONG - 0.1 * GROWING * BENT, 0.0).terms[0].sigma
+
+
+def test_weighing_with_columns_is_weighing_with_the_covariance_that_they_make() -> None:
+    fit = bench(WRONG, 0.05).weighed(named(WRONG, 0.05))
+    law = 0.05 * named(WRONG, 0.05).terms[0].distance * MAPS * GROWING
+    matrix = np.diag(SIGMA**2) + law.T @ law
+    whole = Geometry.of(Whitener.of(matrix), np.zeros((0, READINGS)), Leftovers.none(READINGS))
+    plain = Refinery(known=bench(WRONG, 0.0).known, observations=bench(WRONG, 0.0).observations,
+                     baseline=bench(WRONG, 0.0).baseline, geometry=whole)  # fmt: skip
+    expected = plain.weighed(named(WRONG, 0.05))
+    bare = Whitener.of(np.diag(SIGMA**2)).log_determinant
+    constant = 0.5 * (whole.whitener.log_determinant - bare)
+    assert fit.log_evidence == pytest.approx(expected.log_evidence - constant, abs=1e-6)  # rounding
+    np.testing.assert_allclose(fit.sigma, expected.sigma, rtol=1e-9)
+
+
+def test_what_is_left_is_pulled_under_the_same_covariance() -> None:
+    there, fit = bench(WRONG, 0.05), named(WRONG, 0.05)
+    law = 0.05 * fit.terms[0].distance * MAPS * GROWING
+    expected = np.linalg.solve(np.diag(SIGMA**2) + law.T @ law, WRONG - fit.shift)
+    np.testing.assert_allclose(there.solved(fit), expected, rtol=1e-8, atol=1e-8)
+
+
+def test_maps_of_a_law_are_smooth_and_have_no_level() -> None:
+    maps, near = law_maps(loads(POWER_W)), np.argsort(POWER_W)  # one channel: it has no factor of its own
+    np.testing.assert_allclose(maps.mean(axis=1), 0.0, atol=1e-12)
+    assert np.max(np.abs(np.diff(maps[0, near]))) < 0.2 * np.ptp(maps[0, near])  # 60 loads over a broad bump
+
+
+def test_a_reading_near_a_threshold_is_free_to_lie_on_either_side() -> None:
+    observations = loads(np.linspace(300.0, 1500.0, 10))
+    state = {"T_heatsink_C": np.linspace(35.0, 44.0, 10), "I1_A": np.full(10, 3.0)}
+    slope = (state["T_heatsink_C"] > 40.0).astype(float)
+    low = Signature(effect="fan_step", other={"threshold_C": 30.0}, slope=np.ones(10))
+    step = Signature(effect="fan_step", other={"threshold_C": 40.0}, slope=slope)
+    ((_, of_low), (_, of_step)) = law_columns([low, step], observations, state)
+    free = np.flatnonzero(
+        np.any(of_step == 1.0, axis=0)
+    )  # a whole step; what is smooth is two per cent of one
+    np.testing.assert_array_equal(free, [4, 5, 6])  # 39 to 41 degC: the threshold is good to 1.5 K
+    assert not np.any(of_low == 1.0)
+    assert Laws.none().directions(step, 1.0) is None

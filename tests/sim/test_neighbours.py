@@ -1,0 +1,103 @@
+"""Variants solved from their neighbour's response: the same steady states in fewer looks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.effects.catalogue import CATALOGUE
+from sim.fixed_point import operate
+from sim.model import Model
+from sim.neighbours import Response, approach
+from sim.operating_points import Points
+from sim.parameters import Converter
+from sim.prototype import prototype
+from sim.simulate import Result, reference, simulate, simulate_many
+from sim.station import Station, station_of
+
+COUNT = 40
+ORIGIN = np.arange(COUNT)
+
+
+def points() -> Points:
+    rng = np.random.default_rng(12)
+    return Points(
+        D1=rng.uniform(0.6, 0.97, COUNT),
+        D2=rng.uniform(0.03, 0.3, COUNT),
+        power_W=rng.uniform(200, 1000, COUNT),
+    )
+
+
+@pytest.fixture(scope="module")
+def solved() -> Station:
+    return found()[1]
+
+
+@pytest.fixture(scope="module")
+def response() -> Response:
+    return found()[0]
+
+
+def found() -> tuple[Response, Station]:
+    outcome = operate(prototype(), points())
+    return Response.of(outcome.station.ready(outcome.state))
+
+
+def looks(solved: Station, response: Response, converter: Converter) -> list[int]:
+    """How many points settled at each look that settled any."""
+    variant = station_of(converter, points(), solved.start())
+    return [int(settled.sum()) for _, settled, _ in approach(variant, response, ORIGIN)]
+
+
+def test_the_solved_points_miss_nothing(solved: Station) -> None:
+    state, missed = solved.missed()
+    assert np.all(solved.settled(state, missed))
+
+
+def test_a_step_of_newtons_rule_is_right_to_first_order(solved: Station, response: Response) -> None:
+    warmer = replace(solved, slow=replace(solved.slow, target_W=solved.slow.target_W + 1e-3))
+    step = response.step(ORIGIN, warmer.missed()[1])
+    # the target is what the losses ask for: all that was wrong is the milliwatt itself
+    np.testing.assert_allclose(step[-2], -1e-3, rtol=0.02)
+
+
+def test_an_unchanged_converter_is_settled_at_the_first_look(solved: Station, response: Response) -> None:
+    assert looks(solved, response, prototype()) == [COUNT]
+
+
+def test_a_variant_settles_in_few_looks(solved: Station, response: Response) -> None:
+    settled = looks(solved, response, replace(prototype(), link_resistance_Ohm=0.05))
+    assert sum(settled[:4]) > 0.9 * COUNT
+
+
+@pytest.mark.parametrize(
+    ("effect", "value"),
+    [
+        ("link_resistance", 0.05), ("dead_time", 8e-8), ("output_capacitance", 0.5), ("inductor_saturation", 0.15),
+        ("cable_resistance_input", 0.1), ("leakage_inductance", -0.08), ("thermal_resistance", 0.5),
+    ],
+)  # fmt: skip
+def test_a_variant_is_what_it_is_alone(effect: str, value: float) -> None:
+    model = Model.baseline().with_effect(effect, **{CATALOGUE[effect].headline.name: value})
+    near = reference(Model.baseline(), points())
+    (quick,) = simulate_many([model], points(), near)
+    alone = simulate(model, points())
+    for name, column in alone.values.items():
+        # both stop inside the same tolerances (2e-7 of the power, 0.1 mK)
+        np.testing.assert_allclose(quick[name], column, rtol=1e-6, atol=2e-4, err_msg=name)
+
+
+def test_points_beyond_reach_are_told_by_a_variant_too() -> None:
+    near = reference(Model.baseline(), points())
+    weaker = Model.baseline().with_effect("leakage_inductance", relative_error=0.3)
+    at = replace(points(), power_W=1500.0)
+    quick, alone = simulate_many([weaker], at, near)[0], simulate(weaker, at)
+    np.testing.assert_array_equal(quick.feasible, alone.feasible)
+
+
+def test_some_of_the_points_keep_their_starts() -> None:
+    near, chosen = reference(Model.baseline(), points()), np.array([3, 8, 20])
+    part: Result = near.take(chosen)
+    (quick,) = simulate_many([Model.baseline()], points().take(chosen), part)
+    # from a start that is one step nearer: inside the tolerance of 2e-7 of the power
+    np.testing.assert_allclose(quick["P1_W"], near["P1_W"][chosen], rtol=2e-7)
