@@ -30,9 +30,10 @@ lint: install  ## style, types and the import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-benchmark: install  ## the simulator and the search against their bars
+benchmark: install  ## the simulator, the search and the diagnosis against their bars
 	$(BIN)/d2ea experiment simulator_benchmark
 	$(BIN)/d2ea experiment search_benchmark
+	$(BIN)/d2ea experiment diagnosis_benchmark
 
 lock:  ## renew requirements.lock (needs uv on the PATH)
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --upgrade --generate-hashes \

@@ -109,4 +109,4 @@ class _Secant:
 def carries(converter: Converter, points: Points) -> NDArray[np.bool_]:
     """Whether N points can run, at the temperatures of a moderate load: a first look, without the fixed point."""
     warm = replace(points, ambient_C=np.asarray(points.ambient_C) + _MODERATE_K)
-    return station_of(converter, warm, None).solve(COARSE).regulated.reached
+    return station_of(converter, warm, None).within_reach()

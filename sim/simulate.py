@@ -9,7 +9,7 @@ fixed point, and the chain of powers follows, each loss at its node::
 A loss behind P_link2 moves D0; one before it does not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
 _SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
-_MANY = 6  # variants at once that pay for their response being learned
+_MANY = 4  # variants at once that pay for their response being learned
 _ZVS = 0.01  # a swing that misses less than this counts as zero-voltage switching
 _COLUMNS = (
     "D0", "P1_W", "I1_A", "P2_W", "efficiency", "I_L_rms_A", "I_L_pp_A", "P_link1_W", "P_link2_W",
@@ -108,12 +108,15 @@ def reference(model: Model, points: Points) -> Result:
     return _result(model, points, solved)
 
 
-def _circuits(models: Sequence[Model], points: Points) -> tuple[list[tuple[Converter, Points]], list[int]]:
+_Circuit = tuple[Converter, Points]
+
+
+def _circuits(models: Sequence[Model], points: Points) -> tuple[list[_Circuit], list[int]]:
     """The converters and set points that differ, and which of them each model has.
 
     What an effect adds at the input or does to a reading needs no solution of its own.
     """
-    distinct: list[tuple[Converter, Points]] = []
+    distinct: list[_Circuit] = []
     slots = []
     for model in models:
         altered, moved = model.altered_converter(), model.set_points(points)
@@ -124,31 +127,38 @@ def _circuits(models: Sequence[Model], points: Points) -> tuple[list[tuple[Conve
     return distinct, slots
 
 
-def _all_solved(circuits: "list[tuple[Converter, Points]]", seed: "_Seed | None") -> "list[_Solution]":
-    """Converters at their points, all in one call but for those that saturate: they take longer."""
+def _all_solved(circuits: "list[_Circuit]", seed: "_Seed | None") -> "list[_Solution]":
+    """Converters at their points, all in one call but for those that saturate."""
     found: dict[int, _Solution] = {}
-    for saturates in (False, True):
-        chosen = [k for k, (c, _) in enumerate(circuits) if c.inductor.saturates == saturates]
-        if not chosen:
-            continue
-        size = len(circuits[chosen[0]][1])
-        converter = stack([circuits[k][0] for k in chosen], size)
-        solved = _solve(converter, Points.join([circuits[k][1] for k in chosen]), seed)
+    for chosen, converter, points in _stacked(circuits):
+        size, solved = len(points) // len(chosen), _solve(converter, points, seed)
         found |= {k: solved.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
     return [found[k] for k in range(len(circuits))]
 
 
-def can_run(model: Model, points: Points) -> NDArray[np.bool_]:
-    """Whether points can run, several times faster than :func:`simulate` and without its fixed point.
+def _stacked(circuits: "list[_Circuit]") -> Iterator[tuple[list[int], Converter, Points]]:
+    """Converters and their points as one, but for those that saturate: they take longer."""
+    for saturates in (False, True):
+        chosen = [k for k, (c, _) in enumerate(circuits) if c.inductor.saturates == saturates]
+        if chosen:
+            converter = stack([circuits[k][0] for k in chosen], len(circuits[chosen[0]][1]))
+            yield chosen, converter, Points.join([circuits[k][1] for k in chosen])
+
+
+def can_run(models: Model | Sequence[Model], points: Points) -> NDArray[np.bool_]:
+    """Whether points can run with a model, or with all of several: much faster than :func:`simulate`, no fixed point.
 
     Parts are taken 20 K above ambient; at the very limit of what D1 and D2 carry the two may differ.
     """
-    moved, converter = model.set_points(points), model.altered_converter()
-    runs = _refused(converter, moved) == ""
-    tried = np.flatnonzero(runs & np.asarray(points.pwm, dtype=bool))
-    if tried.size:
-        runs[tried] = carries(pick(converter, tried), moved.take(tried))
-    return np.asarray(runs)
+    circuits, _ = _circuits([models] if isinstance(models, Model) else models, points)
+    runs = np.ones(len(points), dtype=bool)
+    for chosen, converter, moved in _stacked(circuits):
+        alone = _refused(converter, moved) == ""
+        tried = np.flatnonzero(alone & np.asarray(moved.pwm, dtype=bool))
+        if tried.size:
+            alone[tried] = carries(pick(converter, tried), moved.take(tried))
+        runs &= np.all(alone.reshape(len(chosen), -1), axis=0)
+    return runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,7 +226,8 @@ class _Table:
         place: NDArray[np.intp],
     ) -> NDArray[np.intp]:
         """Solve variants from their neighbours in ``seed``; which of the rows that did not settle."""
-        assert seed.response is not None
+        if seed.response is None or not rows.size:
+            return np.arange(rows.size)
         at, open_ = points.take(rows), np.ones(rows.size, dtype=bool)
         station = station_of(pick(converter, rows), at, seed.start.take(place))
         for looked, settled, state in approach(station, seed.response, place):
@@ -287,12 +298,11 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None, *, learn: b
     run = np.flatnonzero((reason == "") & ~standby)
     place = np.full(run.size, -1) if seed is None else seed.find(run)
     left: _Seed | None = None
-    if seed is not None and seed.response is not None:
+    if seed is not None:
         near = np.flatnonzero(place >= 0)
         open_ = table.visit(converter, points, run[near], seed, place[near])
         keep = np.sort(np.concatenate([np.flatnonzero(place < 0), near[open_]]))
         run, place = run[keep], place[keep]
-    if seed is not None:
         place[place >= 0] = np.where(seed.spare[place[place >= 0]], place[place >= 0], -1)
     for rows, start in ((run[place < 0], None), (run[place >= 0], seed)):
         if not rows.size:

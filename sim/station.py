@@ -17,7 +17,7 @@ from sim.parameters import Converter
 from sim.prototype import prototype
 from sim.regulation import Regulated, follow, regulate, spare_power
 from sim.stacking import pick
-from sim.steady_state import Accuracy, half_period
+from sim.steady_state import COARSE, Accuracy, half_period
 from sim.thermal import temperatures
 from sim.waveform import Circuit
 
@@ -154,6 +154,10 @@ class Station:
         circuit = self._circuit()
         regulated = regulate(circuit, self.edges, self.slow.target_W, warm=self.warm, accuracy=accuracy)
         return self._account(regulated)
+
+    def within_reach(self) -> NDArray[np.bool_]:
+        """Whether the power can be carried at the present temperatures, (N,)."""
+        return regulate(self._circuit(), self.edges, self.slow.target_W, accuracy=COARSE).reached
 
     def follow(self) -> tuple[OperatingState, Regulated]:
         """One step towards the solution: what there is now, and where to go on."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from models.diagnosis.observations import Channel, Observations
 from sim.model import Model
 from sim.operating_points import Points
-from sim.simulate import can_run, simulate_many
+from sim.simulate import Result, can_run, simulate_many
 
 Array = NDArray[np.float64]
 SetPoint = tuple[float, float, float]
@@ -98,7 +98,7 @@ def bench_options(
     if not allowed.by_hand:
         return Options(
             what=tuple(_measured(points, allowed)),
-            readings=_readings(models, points, channels),
+            readings=_readings(simulate_many(models, points), channels),
             sigma=_sigma(channels, np.asarray(points.power_W)),
             points=points,
         )
@@ -121,7 +121,10 @@ def bench_options(
         blocks.append(([change(m) for m in models], one))
     four_wires = "measure the ac link's resistance with four wires, warm"
     what.append(Option(action=four_wires, minutes=_REBUILD_MIN, by_hand=True))
-    seen = [_readings(models_, where, channels) for models_, where in blocks]
+    first = simulate_many(*blocks[0])
+    near = first[0].take(np.array([most]))
+    results = [first, *(simulate_many(models_, where, near) for models_, where in blocks[1:])]
+    seen = [_readings(r, channels) for r in results]
     places = Points.join([where for _, where in blocks])
     ohms = np.full((len(models), 1, len(channels)), np.nan)
     ohms[:, 0, 0] = [_link_Ohm(m) for m in models]
@@ -135,8 +138,8 @@ def bench_options(
     )
 
 
-def _readings(models: Sequence[Model], points: Points, channels: Sequence[Channel]) -> Array:
-    results = simulate_many(models, points)
+def _readings(results: Sequence[Result], channels: Sequence[Channel]) -> Array:
+    """What models say of channels at K points, (R, K, channels)."""
     return np.stack([np.stack([r[c.column] for c in channels], axis=-1) for r in results])
 
 
@@ -152,7 +155,7 @@ def _points(observations: Observations, models: Sequence[Model], allowed: Allowe
         time_s=float(np.max(np.asarray(p.time_s))),
     )  # fmt: skip
     spare = replace(like, power_W=(1 + _SPARE) * power)
-    runs = np.flatnonzero(np.all([can_run(m, spare) for m in models], axis=0))
+    runs = np.flatnonzero(can_run(models, spare))
     idle = replace(like.take(runs[:1]), D1=np.median(D1), D2=np.median(D2), power_W=0.0)
     return Points.join([replace(idle, pwm=False, D1=1.0, D2=0.0), idle, like.take(runs)])
 

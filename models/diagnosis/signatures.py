@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.inaccuracy import inaccuracy
 from models.diagnosis.observations import Observations
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
@@ -67,13 +68,14 @@ class Signatures:
     spreads: Array
     input_sigma: Array
     per_watt: Array
+    inaccuracy: Array
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
 
-    def start(self, observations: Observations) -> Result | None:
+    def start(self, observations: Observations, baseline: Model) -> Result:
         """The baseline's simulation at the rows with readings."""
         if self.near is None or self.rows is None:
-            return None
+            return observations.reference(baseline)
         return self.near.take(np.searchsorted(self.rows, np.unique(observations.row)))
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
@@ -97,6 +99,7 @@ class Signatures:
             spreads=self.spreads[:, readings],
             input_sigma=self.input_sigma[readings],
             per_watt=self.per_watt[readings],
+            inaccuracy=self.inaccuracy[:, readings],
         )
 
 
@@ -147,6 +150,7 @@ def signatures(
         spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, np.stack(list(everyday.values()))]),
         input_sigma=input_sigma,
         per_watt=per_watt,
+        inaccuracy=inaccuracy(observations, near),
         rows=np.unique(observations.row),
         near=near,
     )

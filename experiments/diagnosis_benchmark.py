@@ -1,0 +1,119 @@
+"""What a diagnosis costs: the whole catalogue and all channels on virtual labs, against its bars.
+
+Every table is that of a lab of its own (parts off by their tolerance, analyzer errors, drift) that hides something:
+a resistance, a threshold, an edge, two causes at once, nothing. The bar is for the slowest, on the wall; processor time
+is beside it, since trials run many diagnoses side by side. A diagnosis as a process of its own, from a file to page and
+JSON answer, adds the drawing and what Python takes to begin with.
+
+``--scale`` thins the labs. Seconds depend on the machine and on what else runs there.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from experiments.blind.trial import BlindTrial, measured
+from experiments.harness.registry import Experiment
+from experiments.harness.result import Cell, Goal, Result, Table
+from experiments.harness.settings import Countdown, Settings
+from experiments.simulator.points import at_most
+from experiments.simulator.speed import processor_s
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import diagnose
+
+FIRST_SEED = 21_500
+BARS_S = {100: 1.5, 400: 10.0}  # by the points of a table
+HIDDEN: tuple[tuple[tuple[str, float], ...], ...] = (
+    (),
+    (("link_resistance", 0.06),),
+    (("fan_step", 3.0),),
+    (("output_capacitance", 0.6),),
+    (("thermal_resistance", 0.5), ("link_resistance", 0.05)),
+)
+_LEAST_POINTS = 30  # of the first diagnosis, which is not timed: what is made once only is made there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """One diagnosis: points asked, what was hidden, the verdict, and seconds on the wall and on the processor."""
+
+    points: int
+    hidden: str
+    verdict: str
+    seconds: float
+    processor_s: float
+
+
+def run(settings: Settings) -> Result:
+    """Every lab with few and with many points, and one of them as a process of its own."""
+    chosen = HIDDEN[: settings.thinned(len(HIDDEN))]
+    countdown = Countdown(len(BARS_S) * len(chosen) + 1, settings)
+    diagnose(load_measurements(measured(_trial(0, min(BARS_S))).head(_LEAST_POINTS)))
+    costs = []
+    for points in BARS_S:
+        for number in range(len(chosen)):
+            costs.append(cost(_trial(number, points), settings))
+            countdown.finished(f"{points} points, {costs[-1].hidden}")
+    whole = process_s(measured(_trial(0, min(BARS_S))), settings)
+    countdown.finished("a process of its own")
+    return Result(
+        virtual=True,
+        goals=tuple(_goal(points, costs) for points in BARS_S),
+        tables=(_table(costs),),
+        notes=(
+            f"as a process of its own, 100 points from a file to page and JSON answer: {whole[0]:.1f} s on the wall, "
+            f"{whole[1]:.1f} s of processor time",
+            f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the time; labs from seed {FIRST_SEED}",
+        ),
+    )
+
+
+def _trial(number: int, points: int) -> BlindTrial:
+    return BlindTrial(row="benchmark", seed=FIRST_SEED + number, hidden=HIDDEN[number], points=points)
+
+
+def cost(trial: BlindTrial, settings: Settings) -> Cost:
+    """The time of one diagnosis, from the table on."""
+    table = measured(trial)
+    start_s, before_s = settings.now(), processor_s()
+    verdict = diagnose(load_measurements(table)).verdict.kind
+    return Cost(
+        points=trial.points,
+        hidden=" + ".join(trial.names) or "nothing",
+        verdict=verdict,
+        seconds=settings.now() - start_s,
+        processor_s=processor_s() - before_s,
+    )
+
+
+def process_s(table: pd.DataFrame, settings: Settings) -> tuple[float, float]:
+    """Seconds on the wall and on the processor of ``d2ea diagnose`` on a file with this table."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "campaign.csv")
+        table.to_csv(file, index=False)
+        options = ("diagnose", str(file), "--json", str(Path(folder, "answer.json")), "--out", folder)
+        command = [sys.executable, "-c", "from bench.cli import main; main()", *options]
+        start_s, before_s = settings.now(), processor_s()
+        subprocess.run(command, check=True, capture_output=True)
+        return settings.now() - start_s, processor_s() - before_s
+
+
+def _goal(points: int, costs: list[Cost]) -> Goal:
+    seconds = [c.seconds for c in costs if c.points == points]
+    return at_most(f"{points} points, the slowest of {len(seconds)} labs", max(seconds), BARS_S[points], "s")
+
+
+def _table(costs: list[Cost]) -> Table:
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (c.points, c.hidden, c.verdict, c.seconds, c.processor_s) for c in costs
+    )
+    columns = ("points", "hidden", "verdict", "s", "s of processor time")
+    return Table(title="Diagnoses with the whole catalogue and all channels", columns=columns, rows=rows)
+
+
+EXPERIMENT = Experiment(title="Benchmark: what a diagnosis costs", run=run, apart=True)

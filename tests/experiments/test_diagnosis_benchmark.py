@@ -1,0 +1,39 @@
+"""The diagnosis benchmark: what it times, and which labs it asks."""
+
+from pathlib import Path
+
+import pytest
+
+from experiments import diagnosis_benchmark
+from experiments.blind.seeds import SCORING, TUNING
+from experiments.diagnosis_benchmark import BARS_S, FIRST_SEED, HIDDEN, Cost, cost, run
+from experiments.harness.settings import Settings
+
+
+def test_a_cost_is_of_a_whole_diagnosis(tmp_path: Path) -> None:
+    ticks = iter((10.0, 12.5))
+    settings = Settings(out=tmp_path, now=lambda: next(ticks))
+    found = cost(diagnosis_benchmark._trial(1, 24), settings)
+    assert (found.points, found.hidden, found.seconds) == (24, "link_resistance", 2.5)
+    assert found.verdict in ("named", "group", "consistent", "unknown")
+    assert found.processor_s > 0
+
+
+def test_the_slowest_lab_is_held_against_the_bar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seconds = iter((1.0, 2.0, 3.0, 4.0))
+
+    def timed(trial: object, settings: Settings) -> Cost:
+        points = getattr(trial, "points", 0)
+        return Cost(points=points, hidden="x", verdict="named", seconds=next(seconds), processor_s=0.1)
+
+    monkeypatch.setattr(diagnosis_benchmark, "cost", timed)
+    monkeypatch.setattr(diagnosis_benchmark, "process_s", lambda *_: (1.0, 1.0))
+    monkeypatch.setattr(diagnosis_benchmark, "diagnose", lambda _: None)
+    result = run(Settings(out=tmp_path, scale=0.4))
+    assert [(goal.value, goal.bar) for goal in result.goals] == [(2.0, 1.5), (4.0, 10.0)]
+    assert [goal.verdict for goal in result.goals] == ["missed", "met"]
+
+
+def test_its_labs_are_no_trials() -> None:
+    assert len(BARS_S) == 2
+    assert FIRST_SEED + len(HIDDEN) < min(TUNING.first, SCORING.first)
