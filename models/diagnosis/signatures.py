@@ -54,8 +54,8 @@ class Signature:
 class Signatures:
     """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
 
-    The first directions are those of the converter's ``spread_entries``; then come, by name, the effects that have an
-    everyday tolerance of their own or whose law's error is in the baseline, and the instruments.
+    The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
+    tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
     ``per_watt`` (M,) its change for one watt more at the output. ``near`` is the baseline's simulation at ``rows`` of
     the frame, for variants to start from.
@@ -140,7 +140,6 @@ def signatures(
     everyday = {
         s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry, spreads)
     }
-    everyday |= {s.effect: s.slope * s.entry.law for s in found if _is_scaled(s.entry)}
     everyday |= _instrument_spreads(observations, baseline.converter) | {"measured V1": V1, "measured V2": V2}
     return Signatures(
         baseline=base,
@@ -170,12 +169,6 @@ def _is_everyday(entry: Effect, spreads: tuple[Spread, ...]) -> bool:
     paths = entry.paths if isinstance(entry, ParameterEffect) else ()
     known = {spread.path for spread in spreads}
     return not entry.threshold and entry.headline.tolerance > 0 and known.isdisjoint(paths)
-
-
-def _is_scaled(entry: Effect) -> bool:
-    """Whether an effect scales what the baseline has, so that its law's error is in the baseline too."""
-    tolerance = entry.headline.tolerance
-    return tolerance > 0 and entry.spread_at(1.0) == 2.0 * tolerance
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:
