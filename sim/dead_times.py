@@ -1,21 +1,25 @@
-"""The dead time of each edge of an orbit: what drives it, and what the link makes of it.
+"""The dead times of an orbit's edges: which of them meet, what drives each, and what the link makes of it.
 
-Every edge is seen in the frame in which its square wave rises. The driving current of a primary leg is the link
-current into it, that of a secondary leg n times the link current less the magnetizing one.
+Edges closer than a dead time meet: their legs swing in one circuit and are solved together (:mod:`sim.swings`), from
+the current where the first of them opens. All is seen in the frame in which that leg's square wave rises.
 """
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.soft_switching import CURVE_POINTS, Commutation, Curves, Drive, commutate, steps_of
+from sim.commutation import Commutation, Curves, Drops, Meeting
+from sim.soft_switching import CURVE_POINTS
+from sim.swings import commutate
 from sim.waveform import Circuit, Pieces, Steps, half_wave
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
-_NARROWEST = 1e-5  # of a ramp, in Th: a quarter of a nanosecond at 20 kHz
-_OTHERS = ~np.eye(4, dtype=bool)[:, :, None]
+_SECONDARY = np.array([False, False, True, True])
+_NUDGE_A, _NUDGE = 1e-6, 1e-7  # in current and in Th, to see what legs that meet make of it
 
 
 def wrapped(x: Array) -> Array:
@@ -25,29 +29,84 @@ def wrapped(x: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeView:
-    """What the edges of N orbits see, edges along the last axis but one.
+    """What the edges of N orbits see, arrays (4, N).
 
-    ``stretch`` (4, N) is the one of the half period's five in which an edge lies, ``piece`` (4, N) the piece of all;
-    ``link_slope_A`` (4, N) is the link current's slope at the edge per Th,
-    ``turns`` (4, N) the driving current per link current.
-    ``delay_per_flip`` (4, 4, N) is how a delay moves with a flip that falls into its dead time.
+    ``stretch`` is the one of the half period's five, ``piece`` the piece of all in which the first edge of those that
+    meet lies; ``delay_per_A`` is how a delay in s moves with the link current there, ``delay_per_phase`` how it moves
+    with a phase in Th while the rest of the orbit stays.
     """
 
-    stretch: NDArray[np.intp]
-    piece: NDArray[np.intp]
-    link_slope_A: Array
-    turns: Array
-    delay_per_flip: Array
+    stretch: Index
+    piece: Index
+    delay_per_A: Array
+    delay_per_phase: Array
 
 
-def magnetizing_current(circuit: Circuit, edges: Array, time: Array) -> Array:
+def magnetizing_current(circuit: Circuit, flips: Array, time: Array) -> Array:
     """Triangle driven by n vs, in A, at ``time`` (..., N) in units of Th; zero mean by half-wave symmetry."""
     slope = circuit.nV2_V * circuit.half_period_s / (2 * circuit.magnetizing_H)
     total: Array = np.zeros_like(time)
-    for edge in edges[2:]:
-        # from -1/2 at the edge to 1/2 half a period later, and back
-        total = total + (0.5 - np.abs(wrapped(time - edge + 1.0)))
+    for flip in flips[2:]:
+        # from -1/2 at the flip to 1/2 half a period later, and back
+        total = total + (0.5 - np.abs(wrapped(time - flip + 1.0)))
     return slope * total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Groups:
+    """Edges that meet, arrays (4, N): the first of an edge's group, how far behind it the edge lies in Th.
+
+    ``order`` sorts the edges by place; ``size`` is how many edges the group has that an edge is the first of, else 0.
+    """
+
+    order: Index
+    first: Index
+    behind: Array
+    size: Index
+
+    @classmethod
+    def of(cls, place: Array, dead: Array) -> Self:
+        """Groups of edges at places of the half period, with dead times (N,) in Th."""
+        order = np.argsort(place, axis=0, kind="stable")
+        sorted_ = np.take_along_axis(place, order, axis=0)
+        gap = sorted_ - np.roll(sorted_, 1, axis=0)
+        gap[0] += 1.0
+        joined = gap < dead
+        first, behind = np.tile(np.arange(4)[:, None], place.shape[1:]), np.zeros_like(place)
+        size = np.ones_like(first)
+        some = np.flatnonzero(np.any(joined, axis=0))
+        if some.size:
+            joined, gap, own = joined[:, some], gap[:, some], order[:, some]
+            joined[0] &= ~np.all(joined, axis=0)
+            leads, lag = own.copy(), np.zeros_like(gap)
+            for k in (*range(4), *range(4)):  # twice, for groups that span the half period's end
+                leads[k] = np.where(joined[k], leads[k - 1], own[k])
+                lag[k] = np.where(joined[k], lag[k - 1] + gap[k], 0.0)
+            for values, part in ((first, leads), (behind, lag)):
+                at = values[:, some]
+                np.put_along_axis(at, own, part, axis=0)
+                values[:, some] = at
+            size[:, some] = np.sum(first[None, :, some] == np.arange(4)[:, None, None], axis=1)
+        return cls(order=order, first=first, behind=behind, size=size)
+
+    def legs(self, count: int) -> tuple[Index, Index]:
+        """Legs (count, K) of the groups of so many, the first to open first, and their points (K,)."""
+        lead, points = np.nonzero(self.size == count)
+        place = np.argmax(self.order[:, points] == lead, axis=0)
+        rank = (place + np.arange(count)[:, None]) % 4
+        return self.order[rank, points], points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Moment:
+    """The rest of the circuit when each edge comes, in the frame in which it rises; (4, N), ``level`` (4, 4, N).
+
+    ``level`` of a leg (first axis) is -1 or 1.
+    """
+
+    link_A: Array
+    magnetizing_A: Array
+    level: Array
 
 
 def commutations(
@@ -56,30 +115,115 @@ def commutations(
     """The dead times of the four edges (4, N), given the orbit's flips and pieces."""
     place, parity = half_wave(edges)
     stretch = np.sum(steps.place[:, None] < place[None], axis=0)
-    n = circuit.turns_ratio
-    link, piece = _current_at(pieces, stretch, place * circuit.half_period_s)
-    link = parity * link
-    of_secondary = n * (link[2:] - magnetizing_current(circuit, edges, edges[2:]))
-    current = np.concatenate([-link[:2], of_secondary])
-    drive, meeting = _drive(circuit, wrapped(flips[:, None] - edges[None, :]), flips - edges)
-    current = current + meeting.current_A
-    first = (np.arange(4)[:, None] * circuit.curves.shape[1] + circuit.curve) * CURVE_POINTS
-    curves = Curves(values=circuit.curves.ravel(), first=first)
-    commutation = commutate(current, drive, circuit.dead_time_s, circuit.charge_C, curves)
-    across_V = np.take_along_axis(steps.vp_V - steps.nvs_V, stretch, axis=0)
-    local_H = circuit.inductance_H * np.take_along_axis(pieces.relative_L, piece, axis=0)
-    view = EdgeView(
-        stretch=stretch,
-        piece=piece,
-        link_slope_A=across_V * (circuit.half_period_s / local_H),
-        turns=np.concatenate([-parity[:2], n * parity[2:]]),
-        delay_per_flip=meeting.per_flip_A * commutation.delay_per_A,
+    link, piece, slope = _current_at(pieces, stretch, place * circuit.half_period_s)
+    moment = _Moment(
+        link_A=parity * link,
+        magnetizing_A=magnetizing_current(circuit, flips, edges),
+        level=np.where(wrapped(flips[:, None] - edges[None, :]) > 0, -1.0, 1.0),
     )
-    return commutation, view
+    groups = _Groups.of(place, circuit.dead_time_s / circuit.half_period_s)
+    found, per_phase = Commutation.empty(*edges.shape), np.zeros_like(edges)
+    curves = Curves.of(circuit.curves)
+    for count in range(1, 5):
+        legs, points = groups.legs(count)
+        if points.size:
+            meeting = _meeting(circuit, edges, groups, moment, legs, points)
+            part, change = _solved(meeting, _SECONDARY[legs], curves, circuit.half_period_s[points])
+            found.put((legs, points), part)
+            per_phase[legs, points] = change
+    first = groups.first
+    sign, slope = (np.take_along_axis(x, first, axis=0) for x in (parity, slope * parity))
+    per_phase += np.where(_SECONDARY[first], found.delay_per_A * slope * circuit.half_period_s, 0.0)
+    view = EdgeView(
+        stretch=np.take_along_axis(stretch, first, axis=0),
+        piece=np.take_along_axis(piece, first, axis=0),
+        delay_per_A=found.delay_per_A * sign,
+        delay_per_phase=per_phase,
+    )
+    return found, view
 
 
-def _current_at(pieces: Pieces, stretch: NDArray[np.intp], time_s: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Link current (4, N) at times in known stretches, and the pieces in which they lie."""
+def _meeting(
+    circuit: Circuit, edges: Array, groups: _Groups, moment: _Moment, legs: Index, points: Index
+) -> Meeting:
+    """What drives groups of legs (m, K) at points (K,)."""
+    lead, secondary = legs[0], _SECONDARY[legs]
+    V1, nV2, L, Lm = (
+        x[points] for x in (circuit.V1_V, circuit.nV2_V, circuit.inductance_H, circuit.magnetizing_H)
+    )
+    apart = wrapped(edges[legs, points] - edges[lead, points])
+    rises = np.where(np.abs(apart) < 0.5, 1.0, -1.0)
+    level = moment.level[:, lead, points]  # a copy: of the legs that move nothing stays
+    np.put_along_axis(level, legs, 0.0, axis=0)
+    vp, nvs = 0.5 * V1 * (level[0] + level[1]), 0.5 * nV2 * (level[2] + level[3])
+    shunted = secondary / Lm
+    push = rises * np.where(secondary, -0.5 * nV2, 0.5 * V1)
+    link_A, magnetizing_A = moment.link_A[lead, points], moment.magnetizing_A[lead, points]
+    drops, resistance = _drops(circuit, points, level, secondary, rises, link_A)
+    return Meeting(
+        current_A=link_A - secondary * magnetizing_A,
+        per_current=rises * np.where(secondary, circuit.turns_ratio[points], -1.0),
+        outside_A_per_s=(vp - nvs) / L - shunted * nvs,
+        coupling_A_per_s=push / L + shunted[:, None] * (secondary * push),
+        drops=tuple(drops),
+        magnetizing_A=secondary[0] * magnetizing_A,
+        damping_per_s=resistance / L,
+        eddy_s=np.broadcast_to(circuit.eddy_s, circuit.V1_V.shape)[points],
+        charge_C=circuit.charge_C[legs, points],
+        curve=(legs * circuit.curves.shape[1] + circuit.curve[points]) * CURVE_POINTS,
+        opens_s=groups.behind[legs, points] * circuit.half_period_s[points],
+        dead_time_s=circuit.dead_time_s[points],
+    )
+
+
+def _drops(
+    circuit: Circuit, points: Index, level: Array, secondary: NDArray[np.bool_], rises: Array, link_A: Array
+) -> tuple[list[Drops], Array]:
+    """Thresholds of both bridges' states, and the resistance (K,) before anything moves."""
+    bridges = [(~secondary, level[:2], 1.0, (circuit.forward, circuit.reverse, circuit.zero))]
+    if circuit.secondary is not None:
+        bridges.append((secondary, level[2:], -1.0, tuple(circuit.secondary)))
+    drops, resistance, L = [], np.zeros_like(link_A), circuit.inductance_H[points]
+    for own, stand, sign, states in bridges:
+        per_leg, standing = 0.5 * sign * own * rises, 0.5 * sign * (stand[0] + stand[1])
+        forward, reverse, zero = (x[:, points] for x in states)
+        drops.append(Drops.of(standing, per_leg, forward[0] / L, reverse[0] / L, zero[0] / L))
+        before = standing - np.sum(per_leg, axis=0)
+        live = np.where(before * link_A > 0, forward[1], reverse[1])
+        resistance = resistance + zero[1] + np.abs(before) * (live - zero[1])
+    return drops, resistance
+
+
+def _solved(
+    meeting: Meeting, secondary: NDArray[np.bool_], curves: Curves, half_period_s: Array
+) -> tuple[Commutation, Array]:
+    """The dead times (m, K) of groups, and how their delays in s move, per Th, as the bridges move apart.
+
+    Legs that meet are solved three times at once: as they are, at another current, and, where they are of both
+    bridges, with those later that do not belong to the first one's.
+    """
+    if len(secondary) == 1:
+        return commutate(meeting, curves), np.zeros_like(meeting.current_A)
+    apart = secondary != secondary[0]
+    size, mixed = half_period_s.size, np.flatnonzero(np.any(apart, axis=0))
+    rows = np.concatenate([np.arange(size), np.arange(size), mixed])
+    nudge_A = np.zeros(rows.size)
+    nudge_A[size : 2 * size] = _NUDGE_A
+    later_s = np.zeros((len(secondary), rows.size))
+    later_s[:, 2 * size :] = apart[:, mixed] * (_NUDGE * half_period_s[mixed])
+    whole = commutate(meeting.take(rows).nudged(current_A=nudge_A, later_s=later_s), curves)
+    found, (richer, later) = (
+        whole.edge((slice(None), slice(size))),
+        np.split(whole.delay_s[:, size:], [size], axis=1),
+    )
+    per_phase = np.zeros_like(richer)
+    way = np.where(secondary[0, mixed], -1.0, 1.0)
+    per_phase[:, mixed] = way * (later - found.delay_s[:, mixed]) / _NUDGE
+    return replace(found, delay_per_A=(richer - found.delay_s) / _NUDGE_A), per_phase
+
+
+def _current_at(pieces: Pieces, stretch: Index, time_s: Array) -> tuple[Array, Index, Array]:
+    """Link current (4, N) at times in known stretches, the pieces in which they lie, and its slope in A/s."""
     each = pieces.start_s.shape[0] // 5
     piece = each * stretch
     for m in range(1, each):
@@ -92,74 +236,5 @@ def _current_at(pieces: Pieces, stretch: NDArray[np.intp], time_s: Array) -> tup
     )
     t = time_s - begin
     x = np.maximum(a * t, 1e-300)
-    return np.asarray(i + (w - a * i) * t * (-np.expm1(-x) / x)), piece
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Meeting:
-    """What edges that meet do to the driving currents: at the edge (4, N), in A, and per Th that a flip comes later."""
-
-    current_A: Array
-    per_flip_A: Array
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Ramp:
-    """The swing of another leg as a ramp: ``middle`` from the edge, ``half`` its half width, in Th.
-
-    It carries the volt-seconds of the instant step, begins no earlier than its own edge and ends within its dead time:
-    what an edge sees of it moves smoothly when the two pass each other.
-    """
-
-    middle: Array
-    half: Array
-
-    def passed(self, time: Array) -> Array:
-        """Share of the swing that is done at a time."""
-        return np.clip((time - self.middle + self.half) / (2.0 * self.half), 0.0, 1.0)
-
-    def integral(self, time: Array) -> Array:
-        """Integral of that share up to a time."""
-        share = self.passed(time)
-        return self.half * share**2 + np.maximum(time - self.middle - self.half, 0.0)
-
-
-def _drive(circuit: Circuit, ahead: Array, delay: Array) -> tuple[Drive, _Meeting]:
-    """What moves the driving currents of edges (second axis) whose legs' rises (first axis) lie ``ahead``."""
-    half = 0.5 * np.stack([circuit.V1_V, circuit.V1_V, circuit.nV2_V, circuit.nV2_V])
-    link = np.array([1.0, 1.0, -1.0, -1.0])[:, None] / circuit.inductance_H * half
-    shunt = np.array([0.0, 0.0, -1.0, -1.0])[:, None] / circuit.magnetizing_H * half
-    primary, secondary = -link, circuit.turns_ratio * (link + shunt)
-    # d(driving current)/dt at edge e while leg l is up: of a primary edge, of a secondary edge
-    gain = np.stack([primary, secondary])
-    up = 1.0 - 2.0 * (ahead > 0)
-    own = np.concatenate([primary[:2], secondary[2:]])
-    base = np.stack([np.sum(gain[k // 2] * up[:, k], axis=0) - own[k] * up[k, k] for k in range(4)])
-    dead = circuit.dead_time_s / circuit.half_period_s
-    width = np.maximum(np.minimum(delay, dead - delay), _NARROWEST)
-    # the nearest flip of each leg: its rise, or its fall half a period from there
-    falls = np.abs(ahead) > 0.5
-    middle = ahead - np.where(falls, np.sign(ahead), 0.0)
-    meets = (middle < dead + width[:, None]) & (middle > -width[:, None]) & (dead > 0)
-    chosen = np.nonzero(meets & _OTHERS)
-    drive = Drive(outside_A_per_s=base, own_A_per_s=own)
-    meeting = _Meeting(current_A=np.zeros_like(base), per_flip_A=np.zeros_like(ahead))
-    if not chosen[0].size:
-        return drive, meeting
-    legs, targets, points = chosen
-    ramp, before = _Ramp(middle=middle[chosen], half=width[legs, points]), middle[chosen] > 0
-    kick = np.where(falls[chosen], -2.0, 2.0) * gain[targets // 2, legs, points]
-    half_period_s = circuit.half_period_s[points]
-    ends = steps_of(dead[points])
-    mean = np.diff(ramp.integral(ends), axis=0) / np.diff(ends, axis=0) - ~before
-    early = ramp.integral(np.zeros_like(half_period_s)) - np.maximum(-ramp.middle, 0.0)
-    np.add.at(meeting.current_A, (targets, points), kick * half_period_s * early)
-    done = ramp.passed(np.zeros_like(half_period_s))
-    later = done + (1.0 - done) * np.clip(1.0 - ramp.middle / dead[points], 0.0, 1.0)
-    meeting.per_flip_A[chosen] = kick * half_period_s * (~before - later)
-    kicked, which = np.unique(targets * dead.size + points, return_inverse=True)
-    kicks = np.zeros((mean.shape[0], kicked.size))
-    for leg in range(4):  # of one leg, no place comes twice
-        rows = legs == leg
-        kicks[:, which[rows]] += (kick * mean)[:, rows]
-    return replace(drive, kicked=kicked, kicks_A_per_s=kicks), meeting
+    now = np.asarray(i + (w - a * i) * t * (-np.expm1(-x) / x))
+    return now, piece, w - a * now

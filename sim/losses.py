@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from sim.bridges import Scheme, Transition, primary_scheme, secondary_scheme, switching_part
 from sim.circuit import Temperatures
+from sim.commutation import Commutation
 from sim.parameters import Converter, Quantity, Switch
-from sim.soft_switching import Commutation, residual_energy
+from sim.soft_switching import residual_energy
 from sim.steady_state import Orbit
 from sim.waveform import Pieces
 

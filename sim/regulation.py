@@ -21,11 +21,17 @@ Array = NDArray[np.float64]
 _BELOW = 8.0  # dead times below phase 0: delays of unequal edges carry power to narrow pulses there
 _LEAST_W = 10.0  # scale of the tolerance for small powers
 _ROOT_STEPS = 40
+_TRIES = 9  # rounds of it
+_ROUND = 4  # every so many steps Newton's rule is tried inside the bracket
+_POLISH = 3  # rounds that close what a search ends with
 _BISECT = 4  # every so many steps the bracket is halved, in case the secant creeps
-_SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: three scans narrow the phase to 1e-3, the power to 1e-5
-_SCANS = 3
+_SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: two scans narrow the phase to 2e-3, the power to 1e-5
+_SCANS = 2
 _SCAN_ROUNDS = 3  # of Newton's rule: its error is then below that of the scan
-_WIDE = (0.25, 0.27)  # centre and half width of the first scan, in Th: phases from -0.02 to 0.52
+_HIGH, _FURTHEST = (
+    0.9,
+    0.52,
+)  # a peak is where the lossless power is this share of its most, or a little beyond
 _PEAK_ABOVE = 0.95  # the peak stands above the power at phase 1/2 by less than this leaves
 _FLAT = 0.42  # where the lossless power is within 3 % of its most, Newton's rule is not asked
 
@@ -125,9 +131,12 @@ def regulate(
         )
     again = np.flatnonzero(~met)
     if again.size:
-        search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again])
-        found = search.solve(way[again] * target_W[again], accuracy.power)
-        state[:, again], met[again], limit[again], most_W[again] = found
+        search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again], accuracy)
+        found = search.solve(way[again] * target_W[again])
+        found_state, met[again], limit[again], most_W[again] = found
+        state[:, again], _, _ = settle(
+            circuit.take(again), edges[:, again], found_state, None, accuracy=accuracy, rounds=_POLISH
+        )
     if again.size or asked.size < way.size:
         orbit, _ = half_period(circuit, edges, state, accuracy)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
@@ -163,23 +172,29 @@ class _Bracketed:
     circuit: Circuit
     edges: Array
     way: Array
+    accuracy: Accuracy
     excess_A: Array
     delay: Array
 
     @classmethod
-    def of(cls, circuit: Circuit, edges: Array, way: Array, state: Array) -> Self:
+    def of(cls, circuit: Circuit, edges: Array, way: Array, state: Array, accuracy: Accuracy) -> Self:
         """From wherever Newton's rule has left the points: their delays are kept, their currents not trusted."""
         return cls(
-            circuit=circuit, edges=edges, way=way, excess_A=np.zeros(way.size), delay=state[1:5].copy()
-        )
+            circuit=circuit, edges=edges, way=way, accuracy=accuracy, excess_A=np.zeros(way.size),
+            delay=state[1:5].copy(),
+        )  # fmt: skip
 
     def power(self, phase: Array, chosen: NDArray[np.intp]) -> Array:
         """Power at a phase for some of the points; keeps the orbit as their next start."""
         orbit = self._orbit(phase, chosen)
-        at = self.edges[:, chosen] + SHIFT * (self.way[chosen] * phase) + orbit.delay
-        self.delay[:, chosen] = orbit.delay
-        self.excess_A[chosen] = orbit.start_A - lossless_start_A(self.circuit.take(chosen), at)
+        edges = self.edges[:, chosen] + SHIFT * (self.way[chosen] * phase)
+        self._keep(chosen, edges, np.concatenate([orbit.start_A[None], orbit.delay]))
         return np.asarray(self.way[chosen] * orbit.output_power_W())
+
+    def _keep(self, chosen: NDArray[np.intp], edges: Array, state: Array) -> None:
+        """Start current and delays, the first rows of a state, as the next start of some points."""
+        self.delay[:, chosen] = state[1:5]
+        self.excess_A[chosen] = state[0] - lossless_start_A(self.circuit.take(chosen), edges + state[1:5])
 
     def powers(self, phases: Array, chosen: NDArray[np.intp]) -> Array:
         """Powers at many phases (K, M) of some of the points, all at once."""
@@ -197,26 +212,45 @@ class _Bracketed:
 
     def _orbit(self, phase: Array, chosen: NDArray[np.intp]) -> Orbit:
         circuit, edges, guess = self._guess(phase, chosen)
-        return periodic(circuit, edges, guess[0], guess[1:5])
+        return periodic(circuit, edges, guess[0], guess[1:5], self.accuracy)
 
-    def solve(self, goal_W: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_], Array, Array]:
+    def solve(self, goal_W: Array) -> tuple[Array, NDArray[np.bool_], Array, Array]:
         """States (6, N), whether the power is met, the end of the rising branch, and the most that flows."""
         limit, most_W = self._branch(goal_W)
+        tolerance = self.accuracy.power
         search = _Search.between(_lowest_phase(self.circuit, self.edges, self.way), limit, goal_W)
         search.short[:] = most_W < goal_W * (1.0 - tolerance)
+        search.descend(most_W, tolerance)
         for step in range(_ROOT_STEPS):
             busy = search.busy()
             if not busy.size:
                 break
+            if step % _ROUND == 0:
+                self._settle(search, busy)
+                busy = search.busy()
+                if not busy.size:
+                    break
             power_W = self.power(search.phase[busy], busy)
             search.learn(busy, power_W, tolerance)
             search.move(busy, power_W, bisect=step % _BISECT == _BISECT - 1)
-        everywhere = np.arange(goal_W.size)
-        self.power(search.phase, everywhere)
         at = self.edges + SHIFT * (self.way * search.phase)
         start_A = self.excess_A + lossless_start_A(self.circuit, at + self.delay)
         state = np.concatenate([start_A[None], self.delay, (self.way * search.phase)[None]])
         return state, search.reached, limit, most_W
+
+    def _settle(self, search: "_Search", busy: NDArray[np.intp]) -> None:
+        """Newton's rule inside the brackets of some points."""
+        way = self.way[busy]
+        circuit, _, state = self._guess(search.phase[busy], busy)
+        state[5] = way * search.phase[busy]
+        ends = np.sort(np.stack([way * search.low[busy], way * search.high[busy]]), axis=0)
+        demand = Demand(power_W=way * search.goal_W[busy], lowest=ends[0], highest=ends[1])
+        state, _, met = settle(
+            circuit, self.edges[:, busy], state, demand, accuracy=self.accuracy, rounds=_TRIES
+        )
+        search.phase[busy[met]] = way[met] * state[5, met]
+        search.reached[busy[met]] = True
+        self._keep(busy[met], self.edges[:, busy[met]] + SHIFT * state[5, met], state[:, met])
 
     def _branch(self, goal_W: Array) -> tuple[Array, Array]:
         """Highest phase of the rising branch, and the power there."""
@@ -233,13 +267,16 @@ class _Bracketed:
 
         The first one is wide because a leg that turns from hard to soft near the peak can give it a second summit.
         """
-        centre, width = np.full(points.size, _WIDE[0]), _WIDE[1]
+        edges, way = self.edges[:, points], self.way[points]
+        most = np.abs(power_share(edges + SHIFT * (0.5 * way))[0])
+        lowest = phase_for_share(_HIGH * most, edges, way)
+        centre, width = 0.5 * (lowest + _FURTHEST), 0.5 * (_FURTHEST - lowest)
         for _ in range(_SCANS):
             phases = centre + width * _SCAN[:, None]
             powers = self.powers(phases, points)
             best = np.argmax(powers, axis=0)
             centre = np.take_along_axis(phases, best[None], axis=0)[0]
-            width *= _SCAN[1] - _SCAN[0]
+            width = width * (_SCAN[1] - _SCAN[0])
         return centre, np.take_along_axis(powers, best[None], axis=0)[0]
 
 
@@ -269,6 +306,14 @@ class _Search:
     def busy(self) -> NDArray[np.intp]:
         """Points neither reached nor out of reach."""
         return np.flatnonzero(~self.reached & ~self.short)
+
+    def descend(self, most_W: Array, tolerance: float) -> None:
+        """From the power at the upper end down the parabola that has its peak there."""
+        known = self.busy()
+        self.learn(known, most_W[known], tolerance)
+        self.last_phase[known], self.last_W[known] = self.phase[known], most_W[known]
+        left = np.sqrt(np.clip(1.0 - self.goal_W[known] / most_W[known], 0.0, 1.0))
+        self.phase[known] = np.where(self.reached[known], self.phase[known], self.limit[known] * (1.0 - left))
 
     def learn(self, busy: NDArray[np.intp], power_W: Array, tolerance: float) -> None:
         """Judge the power at the present phases and narrow the brackets."""

@@ -28,7 +28,13 @@ from models.screening import LOADED_KINDS
 ORDINARY, HEAVY, CORRELATED, UNDERSTATED = "ordinary", "heavy tails", "autocorrelated", "under-stated"
 NOISES = (ORDINARY, HEAVY, CORRELATED, UNDERSTATED)
 _UNDERSTATED_BY = 1.5
-_EFFICIENCY_COLUMNS = ["D1", "D2", "P2_W", "efficiency"]
+_EFFICIENCY_COLUMNS = [
+    "time_s",
+    "D1",
+    "D2",
+    "P2_W",
+    "efficiency",
+]  # when is known to the truth's isolability too
 _U_OF = {"u_P1_W": ("P1_W", 3.5e-5), "u_P2_W": ("P2_W", 3.5e-5)}  # of reading: the mean of eight updates
 
 
@@ -148,7 +154,7 @@ def ask(trial: BlindTrial) -> dict[str, Any]:
 
 
 def efficiency_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The required columns of the rows that carry load, and nothing else."""
+    """Set points, efficiency and when, of the rows that carry load, and nothing else."""
     return table.loc[table["kind"].isin(LOADED_KINDS), _EFFICIENCY_COLUMNS]
 
 

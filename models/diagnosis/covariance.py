@@ -2,7 +2,8 @@ r"""What residuals do without any fault: noise, everyday spreads, the simulation
 
 .. math:: C = \operatorname{diag}(\sigma^2) + J \Lambda J^T + A
 
-with J the spreads' directions and A a smooth inaccuracy of the simulation per channel over (D1, D2, power).
+with J the spreads' directions and A the simulation's inaccuracy (:mod:`models.diagnosis.inaccuracy`), smooth per
+channel over (D1, D2, power).
 """
 
 import numpy as np
@@ -19,6 +20,7 @@ _LEAST_DUTY, _LEAST_SHARE = (
     0.05,
 )  # ranges of D1, D2 and power (of its largest) below which they count as one
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
+_NEARER = (1.0, 3.0)  # the lengths over which laws of edges are smooth are a third
 
 
 def length_scale(observations: Observations) -> Array:
@@ -42,26 +44,25 @@ def kernel(a: Array, b: Array) -> Array:
     return np.asarray(np.exp(-0.5 * np.maximum(distance2, 0.0)))
 
 
-def accuracy_scale(observations: Observations, baseline: Array) -> Array:
-    """The simulation's own accuracy for every reading, one sigma (M,)."""
-    c = observations.channels
-    fixed = np.array([k.accuracy for k in c])[observations.channel]
-    share = np.array([k.accuracy_of_loss for k in c])[observations.channel]
-    input_W = np.full(len(observations.frame), np.nan)
-    mask = observations.of("efficiency")
-    input_W[observations.row[mask]] = baseline[mask]
-    loss = np.nan_to_num(input_W - np.asarray(observations.points.power_W), nan=0.0)[observations.row]
-    return np.asarray(np.hypot(fixed, share * loss))
+def smooth_covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
+    """Covariance (N, K) of the simulation's inaccuracy between two sets of readings of one channel.
+
+    Each is told by its places on the map (N, 3) and its :func:`~models.diagnosis.inaccuracy.inaccuracy` (2, N).
+    """
+    (place, sigma), (place_, sigma_) = one, other
+    both = zip(sigma, sigma_, _NEARER, strict=True)
+    return np.asarray(
+        sum(np.outer(s, s_) * kernel(place * nearer, place_ * nearer) for s, s_, nearer in both)
+    )
 
 
 def covariance(observations: Observations, sigma: Array, known: Signatures) -> Covariance:
     """The covariance (M, M) of readings with noise ``sigma`` (M,), with no effect and no leftover."""
     place = locations(observations)
-    smooth, accuracy = kernel(place, place), accuracy_scale(observations, known.baseline)
     noise2 = sigma**2 + known.input_sigma**2
     of_channels = tuple(np.flatnonzero(observations.channel == k) for k in range(len(observations.channels)))
     own = []
     for readings in of_channels:
-        row, scale = observations.row[readings], accuracy[readings]
-        own.append(np.diag(noise2[readings]) + np.outer(scale, scale) * smooth[np.ix_(row, row)])
+        here = place[observations.row[readings]], known.inaccuracy[:, readings]
+        own.append(np.diag(noise2[readings]) + smooth_covariance(here, here))
     return Covariance(rows=of_channels, own=tuple(own), common=known.spreads)

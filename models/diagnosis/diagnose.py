@@ -135,9 +135,7 @@ class Diagnosis:
     def _cause(self, cause: Cause) -> dict[str, Any]:
         term, entry = cause.term, cause.term.signature.entry
         head = term.head
-        half = _Z95 * float(
-            np.hypot(term.sigma, entry.spread_at(term.value))
-        )  # the part's own spread is in the value
+        half = _Z95 * term.uncertainty
         parameters: list[dict[str, Any]] = [
             {
                 "name": head.name,

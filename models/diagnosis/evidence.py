@@ -24,6 +24,7 @@ P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 _FURTHER = 3.0  # in log evidence, for each further cause: what the first one's law misses looks a little like another
 _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
 _SCREENED = 12  # combinations on tangents that are looked at closer
+_SHARPENED = 6  # that get slopes simulated at their values
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
@@ -117,7 +118,20 @@ def search(refinery: Refinery) -> list[Fit]:
         if not larger:
             break
         fits += larger
-    return fits
+    return _sharpened(refinery, fits)
+
+
+def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
+    """All fits, those in reach of the best with slopes of their own, and at the values that these lead to."""
+    catalogue = len({s.effect for s in refinery.known.effects})
+    probability = {id(f): f.log_evidence + log_prior(f, catalogue) for f in fits}
+    least = max(probability.values()) - _IN_REACH
+    order = sorted((f for f in fits if f.terms), key=lambda f: -probability[id(f)])
+    leading = [f for f in order if probability[id(f)] > least][:_SHARPENED]
+    if not leading:
+        return fits
+    ids = {id(f) for f in leading}
+    return [*(f for f in fits if id(f) not in ids), *refinery.followed(refinery.sharpened(leading))]
 
 
 def _alone(refinery: Refinery) -> list[Fit]:

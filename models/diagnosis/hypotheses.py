@@ -65,6 +65,23 @@ class Term:
         """Whether the value is further off than any ordinary bench has it."""
         return abs(self.distance) > _EVERYDAY * float(np.hypot(self.sigma, self.head.tolerance))
 
+    @property
+    def uncertainty(self) -> float:
+        """Standard deviation of the value: of the fit, of the part's own spread, and of the effect's law."""
+        entry = self.signature.entry
+        return float(np.hypot(np.hypot(self.sigma, entry.spread_at(self.value)), entry.law * self.distance))
+
+    def aside(self, share: float) -> Self:
+        """The value moved by a share of the prior scale, inside its bounds."""
+        step = share * self.head.prior
+        return replace(self, value=self.value + (step if self.value + step <= self.head.upper else -step))
+
+    def with_slope(self, slope: Array) -> Self:
+        """The same with another slope where that is finite; a threshold keeps its own."""
+        if self.signature.entry.threshold:
+            return self
+        return replace(self, slope=np.where(np.isfinite(slope), slope, self.slope))
+
     def moved(self, step: float) -> Self:
         """The value moved, at most to its bounds."""
         value = float(np.clip(self.value + step, self.head.lower, self.head.upper))

@@ -8,7 +8,8 @@ its formula has another exponent, another dependence on temperature or time. g i
 
 :math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
 columns, it widens the covariance of every hypothesis that holds the cause: what a large one leaves then calls for no
-second one, and its value's interval says what the law is worth. A reading near a threshold may lie on either side.
+second one. g has no level: that is in the value, whose interval is at least what the law is worth. A reading near a
+threshold may lie on either side of it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -38,15 +39,19 @@ def _key(signature: Signature) -> Key:
 
 
 def law_maps(observations: Observations) -> Array:
-    """Relative errors of a law, one sigma each: smooth over the set points, over time, and one a channel, (r, M)."""
+    """Relative errors of a law, one sigma each: smooth over the set points, over time, and one a channel, (r, M).
+
+    A level is none of them, nor a factor of the first channel: that is another value of the cause.
+    """
     row = observations.row
     time_s = np.asarray(observations.points.time_s)[:, None]
     moment = time_s / max(float(np.ptp(time_s)) * _OF_TIME, 1e-9)
     used, place = np.unique(row, return_inverse=True)
-    maps = smooth_maps(locations(observations)[used] / _WIDER)[:, place]
-    later = smooth_maps(moment[used])[1:, place]  # the first is a level, which the map has
-    channels = np.arange(len(observations.channels))[:, None] == observations.channel
-    return np.concatenate([maps, later, channels.astype(np.float64)])
+    smooth = np.concatenate([smooth_maps(locations(observations)[used] / _WIDER), smooth_maps(moment[used])])
+    channels = np.arange(1, len(observations.channels))[:, None] == observations.channel
+    return np.concatenate(
+        [(smooth - smooth.mean(axis=1, keepdims=True))[:, place], channels.astype(np.float64)]
+    )
 
 
 def law_columns(

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import accuracy_scale, kernel, length_scale, locations
+from models.diagnosis.covariance import length_scale, locations, smooth_covariance
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Channel, Observations, observe
 from models.diagnosis.refinery import Refinery
@@ -71,16 +71,15 @@ def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen
     seen, number = ahead.observed(refinery)
     known, there = refinery.known, signatures(seen, refinery.baseline)
     accuracy = _Accuracy(refinery.observations, seen)
-    across = known.spreads.T @ there.spreads + accuracy.across(known.baseline, there.baseline)
+    across = known.spreads.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))
-    common = there.spreads.T @ there.spreads + accuracy.ahead(there.baseline) - across.T @ solved
+    common = there.spreads.T @ there.spreads + accuracy.ahead(there.inaccuracy) - across.T @ solved
     parts = slice(len(known.spread_entries))
     other = across - known.spreads[parts].T @ there.spreads[parts]
     size = len(ahead.points) * len(ahead.channels)
     beside, covariance = np.zeros((len(fits), size)), np.zeros((len(fits), size, size))
     for k, fit in enumerate(fits):
-        left = refinery.geometry.solve((refinery.residual - fit.shift)[None], fit.own(known))[0]
-        beside[k, number] = left @ other
+        beside[k, number] = refinery.solved(fit) @ other
         covariance[k][np.ix_(number, number)] = common + _of_effects(refinery, fit, there, solved)
     return LeftOpen(beside=beside, covariance=covariance)
 
@@ -110,17 +109,15 @@ class _Accuracy:
         own = locations(of) * length_scale(of) / length_scale(self.taken)
         return np.asarray(own[of.row])
 
-    def _covariance(self, one: Observations, scale: Array, other: Observations, scale_: Array) -> Array:
+    def _covariance(self, one: Observations, sigma: Array, other: Observations, sigma_: Array) -> Array:
         names = [np.array([c.name for c in of.channels])[of.channel] for of in (one, other)]
         same = names[0][:, None] == names[1][None, :]
-        return np.asarray(same * kernel(self._place(one), self._place(other)) * scale[:, None] * scale_)
+        return np.asarray(same * smooth_covariance((self._place(one), sigma), (self._place(other), sigma_)))
 
-    def across(self, baseline: Array, there: Array) -> Array:
+    def across(self, inaccuracy: Array, there: Array) -> Array:
         """Between what was measured and what could be."""
-        scale = accuracy_scale(self.taken, baseline), accuracy_scale(self.ahead_of, there)
-        return self._covariance(self.taken, scale[0], self.ahead_of, scale[1])
+        return self._covariance(self.taken, inaccuracy, self.ahead_of, there)
 
     def ahead(self, there: Array) -> Array:
         """Among what could be measured."""
-        scale = accuracy_scale(self.ahead_of, there)
-        return self._covariance(self.ahead_of, scale, self.ahead_of, scale)
+        return self._covariance(self.ahead_of, there, self.ahead_of, there)

@@ -1,7 +1,7 @@
 """A campaign as one vector: every channel of every row, and what a model says of the same vector."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -21,29 +21,38 @@ class Channel:
     """One measured quantity: its column, unit, the least noise to believe, and the model's own accuracy.
 
     ``floor`` is the smallest standard deviation of one reading (resolution, unsettled heat). ``accuracy`` is
-    how well the simulation itself can be trusted where every part is known, one sigma, smooth over the
-    operating range: in the channel's unit, plus ``accuracy_of_loss`` of the loss.
+    how well the simulation itself can be trusted beside its loss laws, one sigma, smooth over the operating range.
+    Both, and ``watt``, are stated for the prototype; :meth:`of` scales them.
     """
 
     name: str
     column: str
     unit: str
-    floor: float
-    accuracy: float
-    accuracy_of_loss: float = 0.0
-    watt: float = 1.0  # how much of the channel one watt of unmodelled loss moves, for the leftover
+    floor: float = field(compare=False)
+    accuracy: float = field(compare=False)
+    watt: float = field(
+        default=1.0, compare=False
+    )  # how much one watt of unmodelled loss moves it, for the leftover
+
+    def of(self, converter: Converter) -> Self:
+        """The channel at a converter of another size."""
+        power = converter.rated_power_W / _RATED_W
+        size = {"W": power, "A": power * _V1_V / float(np.mean(converter.V1_V))}.get(self.unit, 1.0)
+        watt = self.watt if self.unit == "degC" else self.watt * size / power
+        return replace(self, floor=self.floor * size, accuracy=self.accuracy * size, watt=watt)
 
 
 CHANNELS: tuple[Channel, ...] = (
-    Channel(name="efficiency", column="P1_W", unit="W", floor=0.01, accuracy=0.05, accuracy_of_loss=0.006),
+    Channel(name="efficiency", column="P1_W", unit="W", floor=0.01, accuracy=0.05),
     Channel(name="D0", column="D0", unit="Th", floor=1.5e-4, accuracy=3e-4, watt=5e-4),
     Channel(name="I_L_rms_A", column="I_L_rms_A", unit="A", floor=1e-3, accuracy=4e-3, watt=3e-3),
-    Channel(name="P_link1_W", column="P_link1_W", unit="W", floor=0.05, accuracy=0.1, accuracy_of_loss=0.01),
-    Channel(name="P_link2_W", column="P_link2_W", unit="W", floor=0.05, accuracy=0.1, accuracy_of_loss=0.01),
+    Channel(name="P_link1_W", column="P_link1_W", unit="W", floor=0.05, accuracy=0.1),
+    Channel(name="P_link2_W", column="P_link2_W", unit="W", floor=0.05, accuracy=0.1),
     Channel(name="T_heatsink_C", column="T_heatsink_C", unit="degC", floor=0.2, accuracy=0.2),
     Channel(name="T_transformer_C", column="T_transformer_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
     Channel(name="T_inductor_C", column="T_inductor_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
 )
+_RATED_W, _V1_V = 2000.0, 300.0  # of the prototype
 _BY_NAME = {channel.name: channel for channel in CHANNELS}
 _IN_STANDBY = {"efficiency"}
 _WITHOUT_LOAD = {
@@ -142,7 +151,7 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
 def observe(frame: pd.DataFrame, converter: Converter) -> Observations:
     """Every finite reading of every known channel; a row's channels depend on its kind."""
     frame = frame.reset_index(drop=True)
-    present = tuple(c for c in CHANNELS if c.column in frame and frame[c.column].notna().any())
+    present = tuple(c.of(converter) for c in CHANNELS if c.column in frame and frame[c.column].notna().any())
     kind = frame["kind"].to_numpy()
     channel, row, value = [], [], []
     for k, c in enumerate(present):

@@ -24,6 +24,7 @@ _LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
 _STILL = 0.2  # of the value's standard deviation
 _REACH = 0.7  # prior scales that one step may go
 _WITHIN = 3.0  # sigmas that a spread may take
+_ASIDE = 0.1  # of the prior scale: from a fitted value to the one that tells its slope
 _FAR_ENOUGH = 0.2  # standard deviations between two states that tell a slope
 
 
@@ -110,6 +111,33 @@ class Refinery:
             seen.append(replace(fit, shift=np.where(np.isfinite(shift), shift, fit.shift)))
         weighed = self.weighed_all(seen)
         return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(seen, weighed, strict=True)]
+
+    def sharpened(self, fits: Sequence[Fit]) -> list[Fit]:
+        """The fits with slopes that are simulated at their values, all spreads as they are."""
+        states = [self.spreads(fit) for fit in fits]
+        aside = [
+            [
+                replace(fit, terms=(*fit.terms[:k], t.aside(_ASIDE), *fit.terms[k + 1 :]))
+                for k, t in enumerate(fit.terms)
+            ]
+            for fit in fits
+        ]
+        models = [
+            self.model(f, state)
+            for fit, state, moved in zip(fits, states, aside, strict=True)
+            for f in (fit, *moved)
+        ]
+        seen = iter(self.observations.simulate(models, self.near))
+        found = []
+        for fit, moved in zip(fits, aside, strict=True):
+            here = next(seen)
+            terms = [
+                t.with_slope((next(seen) - here) / (f.terms[k].value - t.value))
+                for k, (t, f) in enumerate(zip(fit.terms, moved, strict=True))
+            ]
+            found.append(replace(fit, terms=tuple(terms)))
+        weighed = self.weighed_all(found)
+        return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(found, weighed, strict=True)]
 
     def followed(self, fits: Iterable[Fit], leader: float = -np.inf) -> list[Fit]:
         """Newton's steps from simulated fits until all stand still, each to its best state.

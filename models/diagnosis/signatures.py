@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.inaccuracy import inaccuracy
 from models.diagnosis.observations import Observations
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
@@ -67,6 +68,7 @@ class Signatures:
     spreads: Array
     input_sigma: Array
     per_watt: Array
+    inaccuracy: Array
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
 
@@ -97,6 +99,7 @@ class Signatures:
             spreads=self.spreads[:, readings],
             input_sigma=self.input_sigma[readings],
             per_watt=self.per_watt[readings],
+            inaccuracy=self.inaccuracy[:, readings],
         )
 
 
@@ -146,6 +149,7 @@ def signatures(
         spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, np.stack(list(everyday.values()))]),
         input_sigma=input_sigma,
         per_watt=per_watt,
+        inaccuracy=inaccuracy(observations, near),
         rows=np.unique(observations.row),
         near=near,
     )

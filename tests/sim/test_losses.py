@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sim.circuit import Temperatures
+from sim.commutation import Commutation
 from sim.losses import conduction_losses, switching_losses
 from sim.magnetics import link_current, magnetic_losses
 from sim.parameters import Converter
 from sim.prototype import prototype
-from sim.soft_switching import Commutation
 from tests.sim.orbits import JUNCTION_C, Array, Case, random_case
 
 COUNT = 100

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.steady_state import COARSE, Demand, _jacobian, _Sweep, periodic, settle
+from sim.newton import Demand, jacobian, settle
+from sim.orbit import COARSE, Sweep
+from sim.steady_state import periodic
 from sim.waveform import lossless_start_A
 from tests.sim.orbits import PHASE_SHIFT, circuit, edges_at, random_duties
 
@@ -24,7 +26,7 @@ def solved() -> tuple:
 
 
 def residuals(c, edges: Array, state: Array) -> Array:
-    sweep = _Sweep.of(c, edges, state)
+    sweep = Sweep.of(c, edges, state)
     power_W = sweep.orbit(state, COARSE).output_power_W()
     return np.concatenate([sweep.gap_A[None], sweep.late, power_W[None]])
 
@@ -35,7 +37,7 @@ def test_the_jacobian_is_that_of_differences(solved: tuple, column: int) -> None
     moved = state.copy()
     moved[column] += STEP
     differences = (residuals(c, edges, moved) - residuals(c, edges, state)) / STEP
-    ours = _jacobian(c, _Sweep.of(c, edges, state), regulated=True)[:, column]
+    ours = jacobian(c, Sweep.of(c, edges, state), regulated=True)[:, column]
     scale = np.abs(differences).max(axis=1)
     scale[1:5] = 1.0  # a delay enters its own equation with -1
     off = np.abs(ours - differences) / scale[:, None]

@@ -1,5 +1,7 @@
 """Evidence on a linear bench, where the marginal likelihood can be integrated by brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -133,3 +135,12 @@ def test_a_value_stays_inside_its_bounds() -> None:
     bench = refinery(-0.05 * GROWING, [LINK], SIGMA)
     assert alone(bench).terms[0].value == 0.0  # a resistance that is added cannot be negative
     assert above_nothing(bench) < -5  # and its evidence knows how far outside the data would have it
+
+
+def test_a_slope_that_was_learned_wrongly_is_simulated_anew() -> None:
+    bench = refinery(0.05 * GROWING + noise(10), [LINK], SIGMA)
+    wrong = replace(alone(bench), terms=(replace(alone(bench).terms[0], slope=3.0 * GROWING[::-1]),))
+    (sharp,) = bench.sharpened([wrong])
+    np.testing.assert_allclose(sharp.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
+    was, becomes = (bench.weighed(fit).sigma[0] for fit in (wrong, sharp))
+    assert was < 0.5 * becomes  # and would have been believed

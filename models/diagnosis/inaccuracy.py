@@ -1,0 +1,56 @@
+"""How far the simulation's own laws may be off where every part is known: one sigma of every reading.
+
+A conduction law is a line through a datasheet's curve, a switching energy a power law from another voltage and current,
+a core loss a law from sines: each loss part is right to a share of itself, and a channel shows the parts behind it.
+Beside that every channel has a little of its own. What is smooth over (D1, D2, power) is told from what happens at
+edges, which changes from soft to hard over a short way.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.observations import Observations
+from sim.simulate import Result
+from sim.station import IN_LINK
+
+Array = NDArray[np.float64]
+
+# Assumption: how well laws are known, by the last word of a part's name; the others are plain resistances or constants.
+_LAWS = {"conduction": 0.01, "copper": 0.01, "core": 0.03, "switching": 0.05, "recovery": 0.05}
+_AT_EDGES = ("switching", "recovery")
+
+
+def inaccuracy(observations: Observations, near: Result) -> Array:
+    """One sigma of what is smooth, and of what happens at edges, for every reading, (2, M).
+
+    ``near`` is the baseline's simulation of the rows with readings.
+    """
+    row = np.searchsorted(np.unique(observations.row), observations.row)
+    own = np.array([channel.accuracy for channel in observations.channels])[observations.channel]
+    squares = np.stack([own**2, np.zeros_like(own)])
+    for part, law, at_edges in _parts(near):
+        error_W = law * np.nan_to_num(near[f"loss_{part}_W"])
+        for channel in _showing(part):
+            mask = observations.of(channel)
+            squares[0, mask] += error_W[row[mask]] ** 2
+            if at_edges:
+                squares[1, mask] += error_W[row[mask]] ** 2
+    return np.asarray(np.sqrt(squares))
+
+
+def _showing(part: str) -> tuple[str, ...]:
+    """The channels of power that a loss part lies behind."""
+    if part.startswith("primary"):
+        return ("efficiency",)
+    return ("efficiency", "P_link1_W") if part in IN_LINK else ("efficiency", "P_link1_W", "P_link2_W")
+
+
+def _parts(near: Result) -> list[tuple[str, float, bool]]:
+    """Loss parts that follow a law, how well it is known, and whether it is one of edges."""
+    names = [
+        column.removeprefix("loss_").removesuffix("_W")
+        for column in near.values
+        if column.startswith("loss_")
+    ]
+    kinds = {name: name.rpartition("_")[2] for name in names}
+    return [(name, _LAWS[kind], kind in _AT_EDGES) for name, kind in kinds.items() if kind in _LAWS]

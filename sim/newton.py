@@ -1,0 +1,220 @@
+r"""Newton's rule for an orbit and the phase of its power, at all points at once.
+
+For start current, four delays and, where a power is demanded, the phase, there are six equations
+
+.. math:: i(T_h) + i(0) = 0, \qquad D_k(i(t_k)) - d_k = 0, \qquad \langle n v_s i \rangle - P = 0
+
+The Jacobian is that of the lossless link, in which a later flip of a step of J volts takes J/L from the current
+afterwards, with the derivatives that the dead times hand back; drops are small against voltages, so it is right to a
+few per cent and the error falls by as much a step. Where dead times bend, steps are halved.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.orbit import FINE, NEAR, SHIFT, Accuracy, Orbit, Sweep, mean_power_W
+from sim.waveform import Circuit
+
+Array = NDArray[np.float64]
+
+_NEWTON = 14
+_FURTHEST = 0.08  # Th that a phase may move in a step
+_LEAST_W = 10.0  # scale of the tolerance for small powers
+_ROOMY = 0.6  # of the points in work: with fewer left they move to arrays of their own
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demand:
+    """A power into the ideal secondary bridge (N,), and the phases (N,) to look between."""
+
+    power_W: Array
+    lowest: Array
+    highest: Array
+
+    def take(self, chosen: NDArray[np.intp]) -> Self:
+        """Some of the points."""
+        return replace(
+            self, power_W=self.power_W[chosen], lowest=self.lowest[chosen], highest=self.highest[chosen]
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Response:
+    """What a small change does to the rest of a half period: of the start by 1 A, then of each leg's flip by 1 Th.
+
+    ``at_edges`` (5, 4, N) is the change of the current at each edge, ``at_end`` (5, N) that at the end, ``power_W``
+    (5, N) that of the mean power.
+    """
+
+    at_edges: Array
+    at_end: Array
+    power_W: Array
+
+    @classmethod
+    def of(cls, circuit: Circuit, sweep: Sweep) -> "_Response":
+        pieces, steps, Th = sweep.pieces, sweep.steps, circuit.half_period_s
+        drive, decay, length = pieces.drive_A_per_s, pieces.decay_per_s, pieces.duration_s
+        each, start = drive.shape[0] // 5, pieces.current_A
+        # what passes a stretch decays, and is scaled by the slopes' ratio where a zero crossing or a bend moves
+        slope = drive - decay * start
+        ends = drive[:-1] - decay[:-1] * start[1:]
+        scaled = np.ones_like(slope)
+        used = (length[1:] > 0) & (np.arange(1, 5 * each) % each != 0)[:, None]
+        scaled[1:] = np.where(used, slope[1:] / np.where(used & (ends != 0), ends, 1.0), 1.0)
+        passed = np.cumprod(scaled.reshape(5, each, -1), axis=1)
+        kept = np.exp(-np.sum((decay * length).reshape(5, each, -1), axis=1)) * passed[:, -1]
+        share = steps.nvs_V * (steps.duration_s / Th) * np.sqrt(np.abs(kept))
+        after = (ends[each - 1 :: each] - slope[each::each]) * Th
+        # changes (second axis) by flips in order, as they are when a stretch (first axis) begins
+        there = np.zeros((5, 5, Th.size))
+        there[0, 0], power = 1.0, np.zeros((5, Th.size))
+        for k in range(5):
+            if k:
+                there[k, :k] = there[k - 1, :k] * kept[k - 1]
+                there[k, k] = after[k - 1]
+            power[: k + 1] += there[k, : k + 1] * share[k]
+        view = sweep.view
+        within = np.take_along_axis(passed.reshape(5 * each, -1), view.piece, axis=0)
+        at_edges = np.take_along_axis(there, view.stretch[:, None], axis=0) * within[:, None]
+        order = np.concatenate([np.zeros_like(steps.rank[:1]), steps.rank + 1])
+        return cls(
+            at_edges=np.take_along_axis(np.swapaxes(at_edges, 0, 1), order[:, None], axis=0),
+            at_end=np.take_along_axis(there[4] * kept[4], order, axis=0),
+            power_W=np.take_along_axis(power, order, axis=0),
+        )
+
+
+def jacobian(circuit: Circuit, sweep: Sweep, *, regulated: bool) -> Array:
+    """Derivatives of gap, delays and power (rows) to the state, shape (6, 6, N)."""
+    steps, view, Th = sweep.steps, sweep.view, circuit.half_period_s
+    matrix, response = np.zeros((6, 6, Th.size)), _Response.of(circuit, sweep)
+    matrix[0, :5] = response.at_end
+    matrix[0, 0] += 1.0
+    delays = response.at_edges * (view.delay_per_A / Th)
+    matrix[1:5, :5] = np.swapaxes(delays, 0, 1)
+    matrix[1:5, 5] = delays[3] + delays[4] + view.delay_per_phase / Th
+    for k in range(1, 5):
+        matrix[k, k] -= 1.0
+    if not regulated:
+        matrix[5, 5] = 1.0
+        return matrix
+    each = sweep.pieces.current_A.shape[0] // 5
+    current = np.take_along_axis(sweep.pieces.current_A[each::each], steps.rank, axis=0)
+    matrix[0, 5] = response.at_end[3] + response.at_end[4]
+    matrix[5, :5] = response.power_W
+    matrix[5, 1:5] -= SHIFT * steps.jump_V * current
+    matrix[5, 5] = matrix[5, 3] + matrix[5, 4]
+    return matrix
+
+
+@dataclass(slots=True, kw_only=True)
+class _Work:
+    """Points in work: their numbers, circuit, edges, demand, states, and how far each step is trusted."""
+
+    rows: NDArray[np.intp]
+    circuit: Circuit
+    edges: Array
+    demand: Demand | None
+    accuracy: Accuracy
+    state: Array
+    trust: Array
+    worst: Array
+    done: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls, circuit: Circuit, edges: Array, state: Array, demand: Demand | None, accuracy: Accuracy
+    ) -> "_Work":
+        """All points, before the first step."""
+        size = state.shape[1]
+        return cls(
+            rows=np.arange(size), circuit=circuit, edges=edges, demand=demand, accuracy=accuracy, state=state.copy(),
+            trust=np.ones(size), worst=np.full(size, np.inf), done=np.zeros(size, dtype=bool),
+        )  # fmt: skip
+
+    def narrowed(self) -> "_Work":
+        """What is left, in arrays of its own."""
+        left = np.flatnonzero(~self.done)
+        return _Work(
+            rows=self.rows[left], circuit=self.circuit.take(left), edges=self.edges[:, left],
+            demand=None if self.demand is None else self.demand.take(left), accuracy=self.accuracy,
+            state=self.state[:, left],
+            trust=self.trust[left], worst=self.worst[left], done=self.done[left],
+        )  # fmt: skip
+
+    def step(self, sweep: Sweep) -> None:
+        """Judge a sweep and move the points that it does not satisfy."""
+        circuit, demand = self.circuit, self.demand
+        off = np.concatenate([sweep.gap_A[None], sweep.late, np.zeros((1, self.rows.size))])
+        self.done = sweep.closes(self.state[0], self.accuracy)
+        unit_A = circuit.V1_V * circuit.half_period_s / circuit.inductance_H
+        size = np.abs(off[0]) / unit_A + np.sum(np.abs(sweep.late), axis=0)
+        if demand is not None:
+            off[5] = mean_power_W(sweep.pieces, sweep.pieces.nvs_V) - demand.power_W
+            scale_W = np.maximum(np.abs(demand.power_W), _LEAST_W)
+            self.done &= np.abs(off[5]) <= self.accuracy.power * scale_W
+            size = size + np.abs(off[5]) / (unit_A * circuit.nV2_V)
+        matrix = np.moveaxis(jacobian(circuit, sweep, regulated=demand is not None), 2, 0)
+        change = -_solved(matrix, off.T).T
+        self.trust = np.where(size > 0.7 * self.worst, 0.5 * self.trust, np.minimum(2.0 * self.trust, 1.0))
+        self.worst = size
+        change *= np.where(self.done, 0.0, self.trust)
+        ahead = self.state + change
+        longest = circuit.dead_time_s / circuit.half_period_s
+        ahead[1:5] = np.where(self.done, ahead[1:5], np.clip(ahead[1:5], 0.0, longest))
+        if demand is not None:
+            near = self.state[5] + np.clip(change[5], -_FURTHEST, _FURTHEST)
+            ahead[5] = np.where(self.done, ahead[5], np.clip(near, demand.lowest, demand.highest))
+        self.state = ahead
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solutions (N, 6) of N systems; a singular one gives no step."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        nudged = matrix + 1e-9 * np.abs(matrix).max(axis=(1, 2), keepdims=True) * np.eye(6)
+        return np.asarray(np.linalg.solve(nudged, right[..., None])[..., 0])
+
+
+def step_once(
+    circuit: Circuit, edges: Array, state: Array, demand: Demand
+) -> tuple[Array, Orbit, NDArray[np.bool_]]:
+    """One step of Newton's rule: the state (6, N) ahead, the half period from ``state``, where that nearly meets it."""
+    work = _Work.of(circuit, edges, state, demand, NEAR)
+    sweep = Sweep.of(circuit, edges, state)
+    work.step(sweep)
+    return work.state, sweep.orbit(state, NEAR), work.done
+
+
+def settle(
+    circuit: Circuit,
+    edges: Array,
+    state: Array,
+    demand: Demand | None,
+    *,
+    accuracy: Accuracy = FINE,
+    rounds: int = _NEWTON,
+) -> tuple[Array, Orbit, NDArray[np.bool_]]:
+    """Newton's rule from ``state`` (6, N): start current in A, delays and phase in Th.
+
+    Returns the state, the orbit there, and where everything is met to the ``accuracy``, after ``rounds`` at most.
+    ``edges`` (4, N) are those at phase 0; without a demand the phase stays.
+    """
+    size, work = state.shape[1], _Work.of(circuit, edges, state, demand, accuracy)
+    whole, met, orbit = state.copy(), np.zeros(size, dtype=bool), None
+    for _ in range(rounds):
+        at, sweep = work.state, Sweep.of(work.circuit, work.edges, work.state)
+        work.step(sweep)
+        whole[:, work.rows], met[work.rows] = at, work.done
+        part = sweep.orbit(at, accuracy)
+        orbit = part if orbit is None or work.rows.size == size else orbit.renewed(work.rows, part)
+        if np.all(work.done):
+            break
+        if np.mean(work.done) > 1.0 - _ROOMY:
+            work = work.narrowed()
+    assert orbit is not None
+    return whole, orbit, met

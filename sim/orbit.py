@@ -1,0 +1,114 @@
+"""A half period of the ac link from a state (start current, delays of the edges, phase), and the orbit it may be."""
+
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.commutation import Commutation
+from sim.dead_times import EdgeView, commutations
+from sim.waveform import Circuit, Pieces, Steps, march
+
+Array = NDArray[np.float64]
+
+SHIFT = np.array([0.0, 0.0, 1.0, 1.0])[:, None]  # a phase moves the secondary's edges
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accuracy:
+    """How well an orbit closes: in current (relative, from 1 A on), delays (Th), power (relative, from 10 W)."""
+
+    closed: float
+    settled: float
+    power: float
+
+
+FINE = Accuracy(
+    closed=1e-10, settled=1e-9, power=2e-7
+)  # 25 fs at 20 kHz: far below anything measured, above rounding
+NEAR = Accuracy(closed=1e-6, settled=1e-6, power=1e-5)  # one step of Newton's rule from there is fine
+COARSE = Accuracy(closed=1e-5, settled=1e-5, power=1e-3)  # while something else still moves
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Orbit:
+    """A periodic steady state: start current (N,), delays of the edges in units of Th (4, N), and the rest.
+
+    ``closed`` tells at which points current and delays came back to themselves.
+    """
+
+    start_A: Array
+    delay: Array
+    pieces: Pieces
+    commutation: Commutation
+    closed: NDArray[np.bool_]
+
+    def start_of(self, chosen: NDArray[np.intp]) -> Self:
+        """Start current and delays at some points, enough to start from again."""
+        return replace(self, start_A=self.start_A[chosen], delay=self.delay[:, chosen])
+
+    def renewed(self, rows: NDArray[np.intp], part: "Orbit") -> "Orbit":
+        """This orbit with some of its points taken from another one; its arrays are written to."""
+        _put(self, rows, part)
+        return self
+
+    def output_power_W(self) -> Array:
+        """Mean of n vs i over the half period: power into the ideal secondary bridge."""
+        return mean_power_W(self.pieces, self.pieces.nvs_V)
+
+    def input_power_W(self) -> Array:
+        """Mean of vp i over the half period: power out of the ideal primary bridge."""
+        return mean_power_W(self.pieces, self.pieces.vp_V)
+
+
+def _put(whole: Any, rows: NDArray[np.intp], part: Any) -> None:
+    for field in fields(whole):
+        mine, other = getattr(whole, field.name), getattr(part, field.name)
+        if is_dataclass(mine):
+            _put(mine, rows, other)
+        elif isinstance(mine, np.ndarray):
+            mine[..., rows] = other
+
+
+def mean_power_W(pieces: Pieces, voltage_V: Array) -> Array:
+    """Mean of a voltage, (10, N) over the pieces, times the current."""
+    return np.asarray(np.sum(voltage_V * pieces.charge(), axis=0) / np.sum(pieces.duration_s, axis=0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep:
+    """One half period and its dead times from a state (6, N): start current, delays, phase."""
+
+    flips: Array
+    steps: Steps
+    pieces: Pieces
+    commutation: Commutation
+    view: EdgeView
+    gap_A: Array
+    late: Array  # delays that the dead times make, less those assumed
+
+    @classmethod
+    def of(cls, circuit: Circuit, edges: Array, state: Array) -> "Sweep":
+        edges = edges + SHIFT * state[5]
+        flips = edges + state[1:5]
+        steps = Steps.of(circuit, flips)
+        pieces = march(circuit, steps, state[0])
+        commutation, view = commutations(circuit, edges, flips, steps, pieces)
+        return cls(
+            flips=flips, steps=steps, pieces=pieces, commutation=commutation, view=view,
+            gap_A=pieces.end_A[-1] + state[0],
+            late=commutation.delay_s / circuit.half_period_s - state[1:5],
+        )  # fmt: skip
+
+    def closes(self, start_A: Array, accuracy: Accuracy) -> NDArray[np.bool_]:
+        """Whether current and delays came back to themselves."""
+        near = np.abs(self.gap_A) <= accuracy.closed * (1.0 + np.abs(start_A))
+        return np.asarray(near & np.all(np.abs(self.late) <= accuracy.settled, axis=0))
+
+    def orbit(self, state: Array, accuracy: Accuracy) -> Orbit:
+        """The orbit that this sweep is, if it closes."""
+        return Orbit(
+            start_A=state[0], delay=state[1:5], pieces=self.pieces, commutation=self.commutation,
+            closed=self.closes(state[0], accuracy),
+        )  # fmt: skip

@@ -1,0 +1,284 @@
+"""Legs on their way through the dead time: the law of :mod:`sim.commutation` in graded steps.
+
+In a step the charge moves by the current and its slope at the start, the current by the mean of its slopes (Verlet's
+rule, of second order). The mean position is that of the curve over the charge covered: a node that a large current
+swings within one step costs no accuracy.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.commutation import FULL, Commutation, Curves, Meeting, limited, mean_position, mean_sign
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_STEPS = 8  # of a leg; legs that meet take those of each other as well
+_GRADE = 1.15  # finer at the start, where large currents swing nodes in nanoseconds
+_LOOKS = (0, 3, 5)  # steps before which legs whose node will not move any more are done with
+_FEW = 50  # groups that are not worth being told apart
+
+
+def commutate(meeting: Meeting, curves: Curves) -> Commutation:
+    """The dead times (m, K) of groups of legs; ``delay_per_A`` only of legs that are alone."""
+    whole, rows = Commutation.empty(*meeting.current_A.shape), np.arange(meeting.current_A.shape[1])
+    if len(meeting.current_A) == 1:
+        _integrate(_Alone.of(meeting), curves, whole, rows)
+        return whole
+    at_once = np.all(meeting.opens_s == 0.0, axis=0)  # their steps are the same: half as many
+    if rows.size < _FEW or not np.any(at_once) or np.all(at_once):
+        _integrate(_Together.of(meeting), curves, whole, rows)
+        return whole
+    for part in (rows[at_once], rows[~at_once]):
+        _integrate(_Together.of(meeting.take(part)), curves, whole, part)
+    return whole
+
+
+def _integrate(legs: "_Alone | _Together", curves: Curves, whole: Commutation, rows: Index) -> None:
+    """Take legs through their dead times into rows of the whole."""
+    for k in range(legs.steps):
+        if k in legs.looks:
+            stays = legs.finish(k)
+            if np.any(stays):
+                done, going = np.flatnonzero(stays), np.flatnonzero(~stays)
+                whole.put((slice(None), rows[done]), legs.take(done).outcome())
+                legs, rows = legs.take(going), rows[going]
+        legs.step(curves, k)
+    whole.put((slice(None), rows), legs.outcome())
+
+
+def _grid(steps: int) -> Array:
+    """Ends of graded steps, over the dead time."""
+    return np.asarray((np.arange(steps + 1) / steps) ** _GRADE)
+
+
+_ENDS = _grid(_STEPS).tolist()
+
+
+@dataclass(kw_only=True)
+class _Alone:
+    """K legs that meet no other, half way through their dead times, arrays (K,).
+
+    ``q`` is the charge in intervals of the curve, ``u`` the position from -1 to 1; ``d`` are derivatives to the current
+    at the edge. The slope of x is ``base + own u - way (signed + bent u) - damping i``.
+    """
+
+    x: Array
+    dx: Array
+    q: Array
+    dq: Array
+    u: Array
+    du: Array
+    reached: Array
+    reached_per_A: Array
+    opposite: Array
+    over: Array
+    integral: Array
+    base: Array
+    own: Array
+    signed: Array
+    bent: Array
+    per_charge: Array
+    meeting: Meeting
+
+    looks = _LOOKS
+
+    @classmethod
+    def of(cls, meeting: Meeting) -> "_Alone":
+        x = meeting.current_A[0]
+        rails = [[drop.at(np.full((1, x.size), rail)) for drop in meeting.drops] for rail in (-1.0, 1.0)]
+        signed, plain = ([np.asarray(sum(each[part] for each in rail)) for rail in rails] for part in (0, 1))
+        zero = np.zeros_like(x)
+        return cls(
+            x=x, dx=zero + 1.0, q=zero, dq=zero, u=zero - 1.0, du=zero, reached=zero, reached_per_A=zero,
+            opposite=zero, over=zero, integral=zero,
+            base=meeting.outside_A_per_s[0] - 0.5 * (plain[1] + plain[0]),
+            own=meeting.coupling_A_per_s[0, 0] - 0.5 * (plain[1] - plain[0]),
+            signed=0.5 * (signed[1] + signed[0]), bent=0.5 * (signed[1] - signed[0]),
+            per_charge=meeting.per_charge()[0], meeting=meeting,
+        )  # fmt: skip
+
+    def take(self, chosen: Index) -> "_Alone":
+        """Some of the legs."""
+        own = {name: value[chosen] for name, value in vars(self).items() if name != "meeting"}
+        return _Alone(meeting=self.meeting.take(chosen), **own)
+
+    def slope(self, h: Array) -> tuple[Array, Array]:
+        """dx/dt now, and what drops take of it on average through a time."""
+        i, slope = self.x + self.meeting.magnetizing_A, self.base + self.own * self.u
+        signed = self.signed + self.bent * self.u
+        taken = signed * mean_sign(i, h * slope, h * signed) + self.meeting.damping_per_s * i
+        return slope - taken, taken
+
+    @property
+    def steps(self) -> int:
+        """How many steps a dead time has."""
+        return _STEPS
+
+    def finish(self, k: int) -> NDArray[np.bool_]:
+        """Carry on, to the end of the dead time, legs at a rail that their current holds them to; tells which."""
+        left_s = (1.0 - _ENDS[k]) * self.meeting.dead_time_s
+        slope, _ = self.slope(left_s)
+        now, then = self.per_charge * self.x, self.per_charge * (self.x + left_s * slope)
+        at_end = self.q >= FULL
+        stays = (at_end & (now > 0) & (then > 0)) | ((self.q <= 0.0) & (now < 0) & (then < 0))
+        carried = np.where(stays, 0.5 * (now + then) * left_s, 0.0)
+        self.opposite = self.opposite + np.maximum(carried, 0.0)
+        self.over = self.over + carried
+        self.reached = self.reached + np.where(stays & at_end, left_s, 0.0)
+        self.x = np.where(stays, self.x + left_s * slope, self.x)
+        return np.asarray(stays)
+
+    def step(self, curves: Curves, k: int) -> None:
+        """One step."""
+        h = (_ENDS[k + 1] - _ENDS[k]) * self.meeting.dead_time_s
+        slope, taken = self.slope(h)
+        lead, rate = 0.5 * h + self.meeting.eddy_s, self.per_charge * h
+        moved = self.q + rate * (self.x + lead * slope)
+        dmoved = self.dq + rate * (self.dx + lead * (self.own * self.du))
+        after = limited(moved, 0.0, FULL)
+        beyond = moved - after
+        free = beyond == 0.0
+        u, rise, integral = curves.at(self.meeting.curve[0], after)
+        du = np.where(free, rise * dmoved, 0.0)
+        mean, dmean = (
+            mean_position(u, integral - self.integral, after - self.q, moved - self.q),
+            0.5 * (self.du + du),
+        )
+        self.integral = integral
+        self.x = self.x + h * (self.base + self.own * mean - taken)
+        self.dx = self.dx + h * (self.own * dmean)
+        self.opposite = self.opposite + np.maximum(beyond, 0.0)
+        self.over = self.over + beyond
+        self.reached = self.reached + (0.5 + 0.5 * mean) * h
+        self.reached_per_A = self.reached_per_A + 0.5 * dmean * h
+        self.q, self.dq, self.u, self.du = after, np.where(free, dmoved, 0.0), u, du
+
+    def outcome(self) -> Commutation:
+        """The dead times (1, K), once they are over."""
+        meeting = self.meeting
+        charge_C, c = meeting.charge_C[0] / FULL, meeting.per_current[0]
+        missing = 0.5 - 0.5 * self.u
+        opposite, over = self.opposite * charge_C, self.over * charge_C
+        result = Commutation(
+            delay_s=meeting.dead_time_s - self.reached,
+            delay_per_A=-self.reached_per_A,
+            missing=missing,
+            opposite_C=opposite,
+            same_C=opposite - over,
+            turn_off_A=np.maximum(c * meeting.current_A[0], 0.0),
+            turn_on_A=np.maximum(-c * self.x, 0.0) * missing,
+        )
+        return result.edge(np.newaxis)
+
+
+@dataclass(kw_only=True)
+class _Together:
+    """K groups of m legs that meet, half way through their dead times, arrays (m, K).
+
+    ``nodes_s`` (S + 1, K) are the graded steps of every leg, in order; ``integral`` is that of the curve so far;
+    ``opened_A`` and ``closed_A`` are x where the dead time begins and ends, ``last`` the position there.
+    """
+
+    x: Array
+    q: Array
+    u: Array
+    integral: Array
+    reached: Array
+    opposite: Array
+    over: Array
+    opened_A: Array
+    closed_A: Array
+    last: Array
+    nodes_s: Array
+    closes_s: Array
+    per_charge: Array
+    meeting: Meeting
+
+    @classmethod
+    def of(cls, meeting: Meeting) -> "_Together":
+        """Before the first of them opens."""
+        x, zero = meeting.current_A, np.zeros_like(meeting.current_A)
+        opens_s = meeting.opens_s if np.any(meeting.opens_s) else meeting.opens_s[:1]
+        graded = _grid(_STEPS)[:, None, None] * meeting.dead_time_s + opens_s
+        return cls(
+            x=x, q=zero, u=zero - 1.0, integral=zero, reached=zero, opposite=zero, over=zero,
+            opened_A=x, closed_A=x, last=x, nodes_s=np.sort(graded.reshape(-1, x.shape[1]), axis=0),
+            closes_s=meeting.opens_s + meeting.dead_time_s, per_charge=meeting.per_charge(), meeting=meeting,
+        )  # fmt: skip
+
+    def take(self, chosen: Index) -> "_Together":
+        """Some of the groups."""
+        own = {name: value[:, chosen] for name, value in vars(self).items() if name != "meeting"}
+        return _Together(meeting=self.meeting.take(chosen), **own)
+
+    @property
+    def steps(self) -> int:
+        """How many steps there are from the first leg that opens to the last one that closes."""
+        return len(self.nodes_s) - 1
+
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """Steps before which groups are looked at whether they will move any more."""
+        return tuple(self.steps * k // _STEPS for k in _LOOKS[1:])
+
+    def finish(self, k: int) -> NDArray[np.bool_]:
+        """Carry on to the end groups whose legs are all at the new rail and held there; tells which."""
+        meeting, now_s = self.meeting, self.nodes_s[k]
+        left_s = np.maximum(self.closes_s - now_s, 0.0)
+        driven = meeting.driven(self.u)
+        slope = driven - self._taken(np.max(left_s, axis=0), driven[0], self.u)
+        now, then = self.per_charge * self.x, self.per_charge * (self.x + left_s * slope)
+        held = (left_s == 0.0) | ((self.q >= FULL) & (now > 0) & (then > 0))
+        stays = np.all(held & (now_s >= meeting.opens_s), axis=0)
+        carried = np.where(stays, 0.5 * (now + then) * left_s, 0.0)
+        self.opposite, self.over = self.opposite + carried, self.over + carried
+        self.reached = self.reached + np.where(stays, left_s, 0.0)
+        return np.asarray(stays)
+
+    def _taken(self, h: Array, driven: Array, position: Array) -> Array:
+        """What drops take, on average through a time, of the slope to which voltages drive the link current."""
+        meeting, i = self.meeting, self.x[0] + self.meeting.magnetizing_A
+        signed, plain = meeting.dropped(position)
+        way = mean_sign(i, h * (driven - plain), h * signed)
+        return np.asarray(plain + meeting.damping_per_s * i + signed * way)
+
+    def step(self, curves: Curves, k: int) -> None:
+        """From one node to the next; in between no leg opens or closes."""
+        meeting, h = self.meeting, self.nodes_s[k + 1] - self.nodes_s[k]
+        middle = self.nodes_s[k] + 0.5 * h
+        begun, done = middle > meeting.opens_s, middle > self.closes_s
+        moving = begun & ~done
+        q, u = np.where(done, FULL, self.q), np.where(done, 1.0, self.u)
+        driven, own_h = meeting.driven(u), moving * h
+        taken = self._taken(h, driven[0], u)
+        moved = self.per_charge * own_h * (self.x + (0.5 * h + meeting.eddy_s) * (driven - taken))
+        after = limited(q + moved, 0.0, FULL)
+        self.u, _, integral = curves.at(meeting.curve, after)
+        mean = mean_position(self.u, np.where(done, 0.0, integral - self.integral), after - q, moved)
+        self.x = self.x + h * (meeting.driven(mean) - taken)
+        beyond = q + moved - after
+        self.q, self.integral, self.over = after, integral, self.over + beyond
+        self.opposite = self.opposite + np.maximum(beyond, 0.0)
+        self.reached = self.reached + own_h * (0.5 + 0.5 * mean)
+        self.opened_A, self.closed_A = (
+            np.where(begun, self.opened_A, self.x),
+            np.where(moving, self.x, self.closed_A),
+        )
+        self.last = np.where(moving, self.u, self.last)
+
+    def outcome(self) -> Commutation:
+        """The dead times (m, K), once they are over."""
+        meeting = self.meeting
+        c, charge_C, missing = meeting.per_current, meeting.charge_C / FULL, 0.5 - 0.5 * self.last
+        return Commutation(
+            delay_s=meeting.dead_time_s - self.reached,
+            delay_per_A=np.zeros_like(c),
+            missing=missing,
+            opposite_C=charge_C * self.opposite,
+            same_C=charge_C * (self.opposite - self.over),
+            turn_off_A=np.maximum(c * self.opened_A, 0.0),
+            turn_on_A=np.maximum(-c * self.closed_A, 0.0) * missing,
+        )

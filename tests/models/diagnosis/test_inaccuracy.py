@@ -1,0 +1,64 @@
+"""The simulation's own inaccuracy: each loss part is seen by the channels behind it, and scales with the converter."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.model_file import read_model
+from models.diagnosis.inaccuracy import inaccuracy
+from models.diagnosis.observations import Observations, channel_named, observe
+from sim.prototype import prototype
+from sim.simulate import Points, Result
+
+OTHER = Path(__file__).parents[3] / "docs" / "examples" / "two_level_dab.toml"
+CHANNELS = ("efficiency", "P_link1_W", "P_link2_W")
+
+
+def readings() -> Observations:
+    """Three powers of one loaded row."""
+    row = {
+        "D1": 0.9,
+        "D2": 0.1,
+        "P2_W": 500.0,
+        "kind": "load",
+        "P1_W": 520.0,
+        "P_link1_W": 515.0,
+        "P_link2_W": 505.0,
+    }
+    return observe(pd.DataFrame([row]), prototype())
+
+
+def lost_in(part: str) -> Result:
+    """A simulation that loses 10 W in one part."""
+    points = Points(D1=np.array([0.9]), D2=np.array([0.1]), power_W=np.array([500.0]))
+    values = {f"loss_{part}_W": np.array([10.0])}
+    return Result(points=points, feasible=np.array([True]), reason=np.array([""]), values=values)
+
+
+@pytest.mark.parametrize(
+    ("part", "law", "shown_by"),
+    [("primary_inner_conduction", 0.01, 1), ("transformer_core", 0.03, 2), ("secondary_conduction", 0.01, 3)],
+)
+def test_a_part_is_seen_by_the_channels_behind_it(part: str, law: float, shown_by: int) -> None:
+    smooth, at_edges = inaccuracy(readings(), lost_in(part))
+    own = np.array([channel_named(name).accuracy for name in CHANNELS])
+    extra = np.where(np.arange(3) < shown_by, 10.0 * law, 0.0)
+    np.testing.assert_allclose(smooth, np.hypot(own, extra), rtol=1e-12)
+    assert not np.any(at_edges)
+
+
+def test_what_happens_at_edges_may_also_change_over_a_short_way() -> None:
+    _, at_edges = inaccuracy(readings(), lost_in("primary_outer_switching"))
+    np.testing.assert_allclose(at_edges, [0.5, 0.0, 0.0], rtol=1e-12)  # 5 % of 10 W
+
+
+def test_channels_scale_with_the_converter() -> None:
+    small, channel = read_model(OTHER).converter, channel_named("P_link1_W")
+    assert channel.of(small).floor == pytest.approx(channel.floor * small.rated_power_W / 2000.0)
+    current = channel_named("I_L_rms_A")
+    rated_A = small.rated_power_W / small.V1_V
+    assert current.of(small).accuracy == pytest.approx(current.accuracy * rated_A / (2000.0 / 300.0))
+    assert replace(channel, floor=1.0) == channel  # one channel is one, however large its converter
