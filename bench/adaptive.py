@@ -6,7 +6,7 @@ which died between choosing and setting chooses the same again. It goes, in this
 1. the question between the explanations that the diagnosis has left: rows that tell them apart, best per minute;
 2. the surrogate: rows where its efficiency is uncertain near the optimum.
 
-It ends with the budget, or when every stated cause is sure, nothing that is left to do here would tell more, and the
+It ends with the budget, or when what is stated is sure, nothing that is left to do here would tell more, and the
 optimum is known well enough. What somebody has to come for (another wiring, four wires, a warmer room) is told, never
 done.
 """
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from models.diagnosis.diagnose import Diagnosis
     from models.diagnosis.next_measurement import NextMeasurement
 
-_WORTH_A_BUDGET = 2.0  # sigmas that all rows left have to tell together, for a question to be asked
+_WORTH_A_BUDGET = 2.0  # sigmas that all rows left have to tell together, to go on when a verdict is settled
+_WORTH_ANYTHING = 0.05  # sigmas that a row has to tell while none is
 _MOST_ASKED = 80  # candidates of which every explanation is asked what it expects
 _LOADED_MIN, _UNLOADED_MIN = 4.0, 1.5  # bench minutes of a row, before any was measured
 
@@ -132,30 +133,24 @@ class Adaptive:
 
         verdict, settings = found.verdict, self._settings
         stated = f"verdict so far: {verdict.kind}" + "".join(f" {name}" for name in verdict.stated)
+        settled = _is_settled(found, settings.probability)
         may = Allowed(
             set_points=allowed[:: -(-len(allowed) // _MOST_ASKED)],
             loaded_min=so_far.loaded_min,
             unloaded_min=so_far.unloaded_min,
             by_hand=False,
-            least_sigma=_WORTH_A_BUDGET / left**0.5,
+            least_sigma=_WORTH_A_BUDGET / left**0.5 if settled else _WORTH_ANYTHING,
         )
         doable = [step for step in found.steps(may, settings.at_once) if not step.by_hand]
         if doable:
             return (self._step(step) for step in doable for _ in range(step.repeats)), [stated]
         said = [stated, *(f"for somebody at the bench: {s.action}" for s in found.next if s.by_hand)]
         unsure = least_known(found.calibrated, allowed, settings.at_once)
-        if unsure.sigma <= settings.optimum and self._is_sure(found):
+        if unsure.sigma <= settings.optimum and settled:
             known = f"the optimum is known to {100 * unsure.sigma:.3f} points"
             return iter(()), [*said, f"enough: nothing that is left to do here would tell more, and {known}"]
         why = f"efficiency near the optimum is uncertain, up to {100 * unsure.sigma:.3f} points"
         return (_load(allowed[k], why) for k in unsure.chosen), said
-
-    def _is_sure(self, found: "Diagnosis") -> bool:
-        """Whether each stated cause is as probable as asked for."""
-        probability = {cause.effect: cause.probability for cause in found.verdict.causes}
-        return found.verdict.kind != "named" or all(
-            probability[name] >= self._settings.probability for name in found.verdict.stated
-        )
 
     def _step(self, step: "NextMeasurement") -> PlannedPoint:
         """A step of the diagnosis as a row, with the question that it answers."""
@@ -244,6 +239,16 @@ class _SoFar:
         kinds = [row.kind for row in self.planned]
         last = max((k for k, kind in enumerate(kinds) if kind is Kind.REFERENCE), default=-1)
         return kinds[last + 1 :].count(Kind.LOAD)
+
+
+def _is_settled(found: "Diagnosis", probability: float) -> bool:
+    """Whether all that is stated is as probable as asked for; a group is that by what it is."""
+    verdict = found.verdict
+    if verdict.kind == "consistent":
+        return verdict.consistent_probability >= probability
+    known = {cause.effect: cause.probability for cause in verdict.causes}
+    named = all(known[name] >= probability for name in verdict.stated)
+    return verdict.kind == "group" or (verdict.kind == "named" and named)
 
 
 def _minutes(table: pd.DataFrame) -> FloatArray:

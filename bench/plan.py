@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +119,12 @@ def _budget(plan: PlanConfig, begun: int, file: str) -> int | None:
             file, "plan.points", most, f"more than the {begun} rows that the plan begins with"
         )
     return most
+
+
+def most_rows(config: Mapping[str, Any]) -> int | None:
+    """The most rows of a stored campaign whose plan grows, from its settings; None where the plan is whole."""
+    plan = (config.get("campaign") or {}).get("plan") or {}
+    return int(plan["points"]) if plan.get("adaptive") else None
 
 
 # --- the set points ---------------------------------------------------------------------------------

@@ -31,7 +31,7 @@ from experiments.harness.trials import perform
 
 FIRST_SEED = 190_000
 SIZE = "small"  # the lower third of what labs draw from
-LABS = 24  # half of each kind of bench
+LABS = 20  # half of each kind of bench
 _EVERY = 2  # of the effects that a lab can hide, for benches with all channels
 
 Record = dict[str, Any]
@@ -96,6 +96,7 @@ def compared(done: Sequence[tuple[Race, Record]]) -> Result:
         f"at most {MOST} rows a campaign; a look every {AT_ONCE} rows",
         f"a choice took {np.median(waits):.1f} s of processor time in the median, {max(waits):.1f} s at most; the "
         "minutes do not hold it",
+        *(f"{race.key}: stopped, {r['stopped']}" for race, r in done if r["stopped"]),
     )
     return Result(
         virtual=True, goals=goals, tables=(_plans(pairs, minutes), _every_lab(pairs, minutes)), notes=notes

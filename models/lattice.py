@@ -15,7 +15,6 @@ from models.surrogate import EfficiencyModel
 
 _FIRST = 26  # nodes along D1 and along D2: steps of 0.04
 _HILLS = 6  # of each load that are climbed
-_APART = 2  # nodes between the tops of two hills
 _AROUND = np.linspace(-1.0, 1.0, 5)
 _ROUNDS = 4
 _NARROWER = 0.4
@@ -65,14 +64,11 @@ def _values(model: EfficiencyModel, loads: Floats, D1: Floats, D2: Floats) -> Fl
 
 
 def _tops(value: Floats) -> NDArray[np.intp]:
-    """The highest nodes of (L, n, n) that are not on the slope of a higher one taken before, (L, hills)."""
-    left, count = value.copy(), value.shape[1]
-    tops = np.empty((len(value), _HILLS), dtype=np.intp)
-    at = np.arange(count)
-    for k in range(_HILLS):
-        tops[:, k] = left.reshape(len(value), -1).argmax(axis=1)
-        i, j = np.divmod(tops[:, k], count)
-        rows = np.abs(at - i[:, None]) <= _APART
-        columns = np.abs(at - j[:, None]) <= _APART
-        left[rows[:, :, None] & columns[:, None, :]] = -np.inf
-    return tops
+    """The highest nodes of (L, n, n) that no neighbour tops, then the highest of all others, (L, hills)."""
+    count = value.shape[1]
+    padded = np.pad(value, ((0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
+    shifts = [(i, j) for i in range(3) for j in range(3)]
+    highest = np.max([padded[:, i : i + count, j : j + count] for i, j in shifts], axis=0)
+    top = (value >= highest) & np.isfinite(value)
+    ranked = np.lexsort((-value.reshape(len(value), -1), ~top.reshape(len(value), -1)), axis=1)
+    return np.asarray(ranked[:, :_HILLS])

@@ -1,5 +1,6 @@
 """Verbs on stored campaigns: status, runs, pause, abort, export, import."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -7,12 +8,15 @@ import pandas as pd
 import typer
 from rich.markup import escape
 from rich.table import Table
+from sqlalchemy import RowMapping
 
 from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError, StateError
-from bench.states import STOPPED
+from bench.plan import most_rows
+from bench.states import STOPPED, State
 from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_url
+from bench.store.tables import CHOICE, CHOSEN
 from bench.table_file import file_hash, write_table
 from models.dataset import DatasetError, load_measurements
 
@@ -45,11 +49,16 @@ def status(campaign_id: Maybe = None, db: Database = None) -> None:
             out.print("no campaigns yet")
             return
         row = rows.get(campaign_id or max(rows)) or store.campaign(campaign_id or 0)
-        last = store.events(row["id"])[-1:]
+        events = store.events(row["id"])
+        last, told = events[-1:], _choice(events)
         benches = store.benches.all()
     stamp(row["virtual"])
     out.print(escape(f"campaign {row['id']} {row['name']!r}: {row['shown']}"))
-    out.print(f"{row['accepted']} of {row['planned']} rows accepted, {row['rejected']} rejected")
+    most = most_rows(row["config"]) if row["shown"] is not State.DONE else None
+    grows = f"; more are chosen as it goes, {most} in all at most" if most else ""
+    out.print(f"{row['accepted']} of {row['planned']} rows accepted, {row['rejected']} rejected{grows}")
+    for event in told:
+        out.print(escape(f"{event['event']}: {event['detail']}"))
     for label, key in (("bench", "power_off"), ("stopped by", "error"), ("asked to", "request")):
         if row[key]:
             out.print(escape(f"{label}: {row[key]}"))
@@ -62,6 +71,18 @@ def status(campaign_id: Maybe = None, db: Database = None) -> None:
             bench.state, "default"
         )
         out.print(f"[{colour}]{escape(said_bench(bench))}[/]")
+
+
+def _choice(events: Sequence[RowMapping]) -> list[RowMapping]:
+    """What the last choice of points went by, and the questions that they answer, each once."""
+    lines = [event for event in events if event["event"] in (CHOICE, CHOSEN)]
+    begins = [
+        k
+        for k, event in enumerate(lines)
+        if event["event"] == CHOICE and (not k or lines[k - 1]["event"] == CHOSEN)
+    ]
+    last = lines[begins[-1] :] if begins else []
+    return list({event["detail"]: event for event in last}.values())
 
 
 def said_bench(bench: BenchRow) -> str:

@@ -10,6 +10,7 @@ from bench.dashboard import charts, view
 from bench.dashboard.asking import Request
 from bench.dashboard.desk import Chart, Desk, Panel, frame
 from bench.dashboard.kept import chosen_optimum, decision_rows, model_errors, model_rows
+from bench.dashboard.progress import progress
 from bench.dashboard.watcher import Feed
 from bench.errors import BenchError
 from bench.wording import effect_name, parameter_text, per_cent, probable_causes, verdict_text
@@ -139,7 +140,7 @@ class BenchPage:
             chart.show(drawn[name])
 
     def _render_progress(self, feed: Feed, now: datetime) -> str:
-        return self._progress.render(view.progress(feed, now), view.PHASES)
+        return self._progress.render(progress(feed, now), view.PHASES)
 
     def _render_links(self, feed: Feed, now: datetime) -> str:
         moment = feed.moment if feed.campaign["is_live"] else None

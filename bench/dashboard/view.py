@@ -4,8 +4,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import pairwise
-from statistics import median
 
 import numpy as np
 
@@ -14,9 +12,7 @@ from bench.dashboard.watcher import Feed, Overview
 from bench.store import BenchRow, BenchState, LinkReport, Row, SeenMoment
 from bench.wording import counted, duration, per_cent, points_text, unit_of
 
-STALE_S = 15.0  # real seconds without news from a campaign that runs
 NEAR = 0.95  # of a limit: worth a second look
-RECENT = 30  # judged rows that tell how fast it goes
 PHASES = ("setting", "settling", "measuring")
 LEVELS = ("unsafe", "unconfirmed", "running", "paused", "waiting", "off", "unknown")
 
@@ -29,30 +25,6 @@ class Banner:
     title: str
     said: str
     todo: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProgressView:
-    """How far a campaign is; shares are fractions, ``left`` is words, empty while nobody knows."""
-
-    name: str
-    number: int
-    state: str
-    done: int
-    planned: int
-    rejected: int
-    left: str
-    point: str
-    phase: str
-    settling: str
-    settling_share: float
-    asked: str
-    stale: str
-
-    @property
-    def share(self) -> float:
-        """Rows judged, of those planned."""
-        return self.done / self.planned if self.planned else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,62 +126,6 @@ def _running(bench: BenchRow, row: Row | None) -> Banner:
 
 
 # --- the campaign -------------------------------------------------------------------------------------
-
-
-def progress(feed: Feed, now: datetime) -> ProgressView:
-    """Where the campaign stands."""
-    row, moment = feed.campaign, feed.moment
-    live = bool(row["is_live"])
-    settling = moment.settling if moment and live else None
-    return ProgressView(
-        name=str(row["name"]),
-        number=int(row["id"]),
-        state=str(row["shown"]),
-        done=len(feed.rows),
-        planned=int(row["planned"]),
-        rejected=feed.rejected,
-        left=_left(feed) if live and row["shown"] == "running" else "",
-        point=_point(feed) if live else "",
-        phase=moment.phase if moment and live else "",
-        settling=_settling(settling.elapsed_s, settling.limit_s, settling.moving) if settling else "",
-        settling_share=min(1.0, settling.elapsed_s / settling.window_s) if settling else 0.0,
-        asked="" if row["shown"] == "paused" else str(row["request"] or ""),
-        stale=_stale(moment, now) if live else "",
-    )
-
-
-def _left(feed: Feed) -> str:
-    """Time left in words, from the pace of the last rows."""
-    times = [datetime.fromisoformat(item["judged"]) for item in feed.recent[-RECENT:]]
-    steps = [(b - a).total_seconds() for a, b in pairwise(times)]
-    if not steps:
-        return ""
-    return f"about {duration(median(steps) * (feed.campaign['planned'] - len(feed.rows)))} left"
-
-
-def _point(feed: Feed) -> str:
-    point_id = feed.moment.point_id if feed.moment else None
-    row = feed.points.get(point_id) if point_id is not None else None
-    if row is None:
-        return ""
-    if row["kind"] == "standby":
-        return "standby: PWM off, load off"
-    modulation = f"D1 {row['D1']:.3f}, D2 {row['D2']:.3f}"
-    if row["kind"] == "no_load":
-        return f"no load: {modulation}"
-    return f"{modulation}, {row['P_set_W']:.0f} W" + (" (reference)" if row["kind"] == "reference" else "")
-
-
-def _settling(elapsed_s: float, limit_s: float, moving: str) -> str:
-    still = f"; still moving: {moving}" if moving else ""
-    return f"{elapsed_s:.0f} s, given up after {limit_s:.0f} s{still}"
-
-
-def _stale(moment: SeenMoment | None, now: datetime) -> str:
-    if moment is None:
-        return ""
-    silent_s = (now - datetime.fromisoformat(moment.written)).total_seconds()
-    return f"no news for {duration(silent_s)}" if silent_s > STALE_S else ""
 
 
 def gap(rows: Rows) -> GapView:
@@ -355,7 +271,7 @@ def clock(stamp: str | None) -> str:
     return f"{local:%H:%M:%S}" if local.date() == today else f"{local:%Y-%m-%d %H:%M}"
 
 
-STEPS = frozenset({"planned", "set", "settled", "measured"})  # of a point: many, and seen elsewhere
+STEPS = frozenset({"planned", "set", "settled", "measured", "chosen"})  # of a point: many, and seen elsewhere
 
 
 def happened(feed: Feed, most: int = 12) -> list[tuple[str, str, str]]:

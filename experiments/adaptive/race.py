@@ -12,6 +12,7 @@ import pandas as pd
 from bench.adaptive import Choice, Chooses
 from bench.campaign import Surroundings, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
+from bench.errors import LimitReached
 from bench.job import Job
 from bench.plan import PlannedPoint
 from bench.store import Store
@@ -23,7 +24,7 @@ from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 
 ADAPTIVE, RANDOM = "adaptive", "random"
-START, AT_ONCE, MOST = 10, 5, 72
+START, AT_ONCE, MOST = 10, 5, 62
 POWERS = "dc powers only"
 ALL = "all channels"
 _REFERENCE_EVERY = 6
@@ -95,11 +96,23 @@ def run_race(race: Race) -> dict[str, Any]:
         if job.choose is not None:
             job = replace(job, choose=_Watched(race, job.choose, moments))
         with Store(f"sqlite:///{Path(folder) / 'race.sqlite'}") as store:
-            outcome = run_campaign(job, store, clock, around=Surroundings(think=_here))
-            table = store.measurement_table(outcome.campaign_id)
+            stopped = ""
+            try:
+                run_campaign(job, store, clock, around=Surroundings(think=_here))
+            except (
+                LimitReached
+            ) as limit:  # a part got hotter than predicted; the bench is off, and its rows count
+                stopped = str(limit)
+            (campaign,) = store.campaigns()
+            table = store.measurement_table(campaign["id"])
     looks = [len(table)] if race.plan == ADAPTIVE else range(_begun(job), len(table) + 1, AT_ONCE)
     moments += [_look(race, table.iloc[:rows]) for rows in looks if rows > _last(moments)]
-    return {"moments": moments, "rows": len(table), "minutes": float(table["time_s"].iloc[-1]) / 60.0}
+    return {
+        "moments": moments,
+        "rows": len(table),
+        "minutes": float(table["time_s"].iloc[-1]) / 60.0,
+        "stopped": stopped,
+    }
 
 
 def _last(moments: Sequence[dict[str, Any]]) -> int:
@@ -127,14 +140,10 @@ def _here(work: Callable[[], Choice], meanwhile: Callable[[], None], every_s: fl
 
 
 def _campaign(race: Race) -> CampaignConfig:
-    plan: dict[str, Any] = {
-        "kind": "latin_hypercube",
-        "points": _random_points(),
-        "reference_every": _REFERENCE_EVERY,
-    }
+    plan: dict[str, Any] = {"kind": "latin_hypercube", "points": _random_points()}
     if race.plan == ADAPTIVE:
-        settings = {"start": START, "at_once": AT_ONCE}
-        plan = {"kind": "adaptive", "points": MOST, "adaptive": settings}
+        plan = {"kind": "adaptive", "points": MOST, "adaptive": {"start": START, "at_once": AT_ONCE}}
+    plan |= {"reference_every": _REFERENCE_EVERY}
     return check({"name": race.plan, "seed": race.seed, "plan": plan}, CampaignConfig, file=race.key)
 
 

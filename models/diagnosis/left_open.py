@@ -79,8 +79,7 @@ def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen
     size = len(ahead.points) * len(ahead.channels)
     beside, covariance = np.zeros((len(fits), size)), np.zeros((len(fits), size, size))
     for k, fit in enumerate(fits):
-        left = refinery.geometry.solve((refinery.residual - fit.shift)[None], fit.own(known))[0]
-        beside[k, number] = left @ other
+        beside[k, number] = refinery.solved(fit) @ other
         covariance[k][np.ix_(number, number)] = common + _of_effects(refinery, fit, there, solved)
     return LeftOpen(beside=beside, covariance=covariance)
 

@@ -146,3 +146,18 @@ def test_a_plug_pulled_in_the_middle_leaves_what_can_be_reached_off() -> None:
             run_campaign(Job.prepare(CAMPAIGN, config(rack)), store, plant.clock, progress=pull)
         assert is_off(plant)
         assert store.campaigns()[0]["state"] == "failed"
+
+
+def test_an_adaptive_campaign_chooses_measures_and_ends() -> None:
+    settings = {"kind": "adaptive", "points": 20, "adaptive": {"start": 10}}
+    plant = Plant.virtual(seed=100_003, hidden={}, clock=StepClock())
+    with Rack(plant) as rack, memory() as store:
+        campaign = check({"name": "adaptive", "plan": settings}, CampaignConfig, file="campaign.toml")
+        outcome = run_campaign(Job.prepare(campaign, config(rack)), store, plant.clock)
+        chosen = [event for event in store.events(1) if event["event"] == "chosen"]
+        said = [event["detail"] for event in store.events(1) if event["event"] == "choice"]
+    assert (outcome.accepted, outcome.rejected) == (20, 0)
+    assert len(chosen) == 20 - 17  # 2 standby, 2 no load, 10 points, 3 references before
+    assert all(event["detail"] for event in chosen)
+    assert said[0].startswith("verdict so far: ")
+    assert is_off(plant)

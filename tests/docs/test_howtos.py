@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bench import cli
+from bench.config import read_campaign
 from bench.toml_file import to_toml
 from drivers.clock import StepClock
 from drivers.mocks.faults import Fault, FaultFile
@@ -109,3 +110,11 @@ def test_an_unsafe_bench_is_told_cleared_and_resumed(
     capsys.readouterr()
     assert run(typed(page, "status")) == 0
     assert "done" in capsys.readouterr().out
+
+
+def test_the_page_on_adaptive_campaigns_shows_a_campaign_file(tmp_path: Path) -> None:
+    ((name, text),) = files(HOW_TO / "let-a-campaign-choose.md").items()
+    (tmp_path / name).write_text(text)
+    plan = read_campaign(tmp_path / name).plan
+    assert plan.adaptive is not None
+    assert (plan.points, plan.adaptive.start, plan.adaptive.minutes) == (40, 12, 180.0)

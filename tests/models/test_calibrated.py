@@ -1,11 +1,14 @@
 """Calibrated physics: the simulator at the most probable state of its parts, and a smooth leftover."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models.calibrated import CalibratedPhysics, Leftover
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
+from models.near_optimum import least_known
 from sim.model import Model
 from sim.simulate import Points, simulate
 from sim.spread import everyday_spread
@@ -67,3 +70,64 @@ def test_a_leftover_ignores_what_noise_explains() -> None:
     place = rng.uniform([0.4, 0.0, 200.0, 0.0], [1.0, 0.5, 1800.0, 1.0], (30, 4))
     fitted = leftover(place).fitted(0.1 * rng.standard_normal(30), np.full(30, 10.0))
     assert np.max(np.abs(fitted.watts(place))) < 0.01  # readings a hundred times worse than the prior
+
+
+def test_a_drift_of_the_losses_is_predicted_at_the_end_of_the_campaign() -> None:
+    late = Leftover(
+        place=np.array([[0.8, 0.1, 1000.0, t] for t in np.linspace(0.0, 1.0, 30)]),
+        weight=np.zeros(30),
+        noise_W=np.zeros(30),
+        length=np.array([0.2, 0.2, 400.0, 0.2]),
+        drift=1e-3,
+    )
+    rise_W = 1.5 * (1 - np.exp(-3 * late.place[:, 3]))
+    fitted = late.fitted(rise_W, np.full(30, 0.02))
+    assert fitted.watts(late.place[-1:])[0] == pytest.approx(rise_W[-1], abs=0.04)  # two sigmas of a reading
+
+
+def test_predictions_are_surer_where_something_was_measured(calibrated: CalibratedPhysics) -> None:
+    at = calibrated.leftover.place[:5, :3]
+    away = np.array([[0.95, 0.55, 250.0], [0.35, 0.02, 210.0]])
+    known, unknown = (np.sqrt(np.diag(calibrated.left_open(place))) for place in (at, away))
+    assert known.max() < unknown.min()
+    assert unknown.max() < 0.01  # a part's everyday spread, no more
+
+
+def test_what_is_left_open_of_the_inductance_keeps_the_model_off_the_edge(
+    calibrated: CalibratedPhysics,
+) -> None:
+    def with_inductance(share: float) -> Model:
+        converter = calibrated.model.converter
+        inductor = replace(converter.inductor, inductance_H=(1 + share) * converter.inductor.inductance_H)
+        return Model(converter=replace(converter, inductor=inductor))
+
+    unsure = replace(calibrated, variants=(with_inductance(0.01),)).vouched()
+    assert unsure.spare == pytest.approx(0.02, rel=0.1)  # two sigmas; power goes with 1 / inductance
+    power = np.linspace(1900.0, 2200.0, 301)
+    carried, vouched = (
+        np.count_nonzero(np.isfinite(model.predict(1.0, 0.0, power))) for model in (calibrated, unsure)
+    )
+    assert carried - vouched == pytest.approx(0.02 * 2100, rel=0.2)  # W, as the powers are 1 W apart
+
+
+def test_points_are_chosen_near_the_optimum_where_least_is_known(calibrated: CalibratedPhysics) -> None:
+    place = np.array([[0.9, 0.05, 900.0], [0.35, 0.02, 890.0], [0.9, 0.05, 900.0]])
+    efficiency, sigma = calibrated.predict(*place.T), np.sqrt(np.diag(calibrated.left_open(place)))
+    assert efficiency[1] < efficiency[0] - 0.01  # far below the best at its load
+    assert sigma[1] > sigma[0]  # and less certain
+    found = least_known(calibrated, place, 2)
+    assert found.chosen[0] in (0, 2)
+    assert found.sigma == pytest.approx(sigma[0], rel=1e-6)
+
+
+def test_of_two_neighbours_one_is_enough() -> None:
+    class Model:
+        def predict(self, D1: np.ndarray, D2: np.ndarray, power_W: np.ndarray) -> np.ndarray:
+            return np.full(3, 0.98)
+
+        def left_open(self, place: np.ndarray) -> np.ndarray:
+            return 1e-6 * np.array([[1.0, 0.99, 0.0], [0.99, 1.0, 0.0], [0.0, 0.0, 0.5]])
+
+    found = least_known(Model(), np.zeros((3, 3)), 2)  # type: ignore[arg-type]
+    assert found.chosen == (0, 2)
+    assert found.sigma == pytest.approx(1e-3)

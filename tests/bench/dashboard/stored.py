@@ -1,6 +1,6 @@
 """A database with a campaign in it, written step by step as a run writes it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from bench.plan import Kind, PlannedPoint
 from bench.process import Owner
@@ -33,16 +33,18 @@ def planned_points(count: int) -> list[PlannedPoint]:
     ]
 
 
-def running_campaign(store: Store, count: int = 4, *, name: str = "first map") -> int:
+def running_campaign(
+    store: Store, count: int = 4, *, name: str = "first map", plan: Mapping[str, object] | None = None
+) -> int:
     """A campaign that this process runs, its bench switched on, every point predicted."""
-    plan = planned_points(count)
+    rows = planned_points(count)
     provenance = Provenance(
-        config={"bench": {"name": BENCH, "limits": LIMITS}, "campaign": {}},
+        config={"bench": {"name": BENCH, "limits": LIMITS}, "campaign": {"plan": plan or {}}},
         config_hash="0",
         virtual=True,
         bench=BENCH,
     )
-    campaign = store.create_campaign(name, provenance, plan)
+    campaign = store.create_campaign(name, provenance, rows)
     store.benches.take(BENCH, virtual=True, campaign_id=campaign, owner=Owner.here())
     store.benches.energise(BENCH, {"name": BENCH})
     store.move(campaign, State.PLANNED, State.CHECKING, time_s=0.0)

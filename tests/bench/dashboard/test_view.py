@@ -6,11 +6,12 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from bench.dashboard import view
+from bench.dashboard.progress import progress
 from bench.dashboard.rows import NO_ROWS
 from bench.dashboard.watcher import Feed, Watcher
 from bench.states import State
 from bench.store import Store
-from tests.bench.dashboard.stored import BENCH, measure, moment_of, running_campaign
+from tests.bench.dashboard.stored import BENCH, measure, moment_of, planned_points, running_campaign
 
 
 def seen(store: Store, campaign: int) -> tuple[Watcher, Feed]:
@@ -57,7 +58,7 @@ def test_progress_counts_rows_and_names_the_point(store: Store) -> None:
     measure(store, campaign, [2], bad="P2_W is 8 % off")
     store.live.write(campaign, moment_of(store, campaign, number=3))
     _, feed = seen(store, campaign)
-    shown = view.progress(feed, datetime.now(UTC))
+    shown = progress(feed, datetime.now(UTC))
     assert (shown.done, shown.planned, shown.rejected, shown.share) == (3, 4, 1, 0.75)
     assert shown.point == "D1 0.800, D2 0.100, 1050 W"
     assert shown.settling == "12 s, given up after 600 s; still moving: T_heatsink_C"
@@ -65,11 +66,24 @@ def test_progress_counts_rows_and_names_the_point(store: Store) -> None:
     assert shown.stale == ""
 
 
+def test_a_plan_that_grows_is_shown_with_the_most_it_may_have_and_the_question_asked(store: Store) -> None:
+    campaign = running_campaign(store, 4, plan={"points": 10, "adaptive": {"at_once": 4}})
+    measure(store, campaign, [0, 1, 2, 3])
+    new = replace(planned_points(4)[0], point=4, why="tells about core_loss")
+    store.grow(campaign, [new], time_s=9.0, said=["verdict so far: group"])
+    store.live.write(campaign, moment_of(store, campaign, number=4))
+    _, feed = seen(store, campaign)
+    shown = progress(feed, datetime.now(UTC))
+    assert (shown.done, shown.planned, shown.at_most, shown.share) == (4, 10, True, 0.4)
+    assert shown.left.startswith("at most ")
+    assert shown.why == "tells about core_loss"
+
+
 def test_a_campaign_that_is_silent_is_said(store: Store) -> None:
     campaign = running_campaign(store)
     store.live.write(campaign, moment_of(store, campaign))
     _, feed = seen(store, campaign)
-    assert "no news for 1 min" in view.progress(feed, datetime.now(UTC) + timedelta(minutes=1)).stale
+    assert "no news for 1 min" in progress(feed, datetime.now(UTC) + timedelta(minutes=1)).stale
 
 
 def test_limits_tell_what_is_above_and_what_is_missing(store: Store) -> None:

@@ -1,0 +1,50 @@
+"""The optimum on a lattice: the highest hill, however narrow, and nothing that cannot run."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from models.boosting import Floats
+from models.lattice import optimise_on_lattice
+
+LOADS = np.array([300.0, 900.0])
+
+
+@dataclass(frozen=True)
+class Hills:
+    """A broad hill, and a narrow one between two nodes that is a little higher."""
+
+    broad: tuple[float, float] = (0.72, 0.24)
+    narrow: tuple[float, float] = (0.46, 0.62)
+
+    def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+        def hill(top: tuple[float, float], width: float) -> Floats:
+            return np.exp(-((np.asarray(D1) - top[0]) ** 2 + (np.asarray(D2) - top[1]) ** 2) / width**2)
+
+        value = 0.96 + 0.01 * hill(self.broad, 0.3) + 0.012 * hill(self.narrow, 0.03)
+        return np.where(np.asarray(D1) + np.asarray(D2) < 1.2, value, np.nan)
+
+
+def test_a_narrow_hill_between_nodes_is_found_where_it_is_the_highest() -> None:
+    found = optimise_on_lattice(Hills(), LOADS)
+    # the last steps are 0.04 x 0.4^3 / 2 = 0.0013 apart
+    np.testing.assert_allclose(found.D1, 0.46, atol=2e-3)
+    np.testing.assert_allclose(found.D2, 0.62, atol=2e-3)
+    assert np.all(found.predicted > 0.972)
+
+
+def test_where_nothing_runs_there_is_no_optimum() -> None:
+    class Nothing:
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            return np.full(np.shape(D1), np.nan)
+
+    found = optimise_on_lattice(Nothing(), LOADS)
+    assert np.isnan(found.D1).all()
+    assert not found.confirmed.any()
+
+
+def test_a_point_that_cannot_run_is_no_optimum() -> None:
+    found = optimise_on_lattice(Hills(narrow=(0.8, 0.6)), LOADS)  # beyond the edge
+    assert np.all(found.D1 + found.D2 < 1.2)
+    assert np.all(np.isfinite(found.predicted))
