@@ -26,7 +26,7 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
 )  # times the leftover's length; a threshold catches what is not smooth
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
 _LIKELY = 0.5  # probability from which a threshold that is no cause has to be reckoned with
-_FAINT = 12.0  # sigmas of a leftover that the model's own shortcomings have on any bench
+_FAINT = 11.0  # sigmas of a leftover that the model's own shortcomings have on any bench
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 

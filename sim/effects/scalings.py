@@ -206,7 +206,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.08, 0.7),
         paths=tuple(f"primary.{s}.turn_off.energy_J" for s in ("outer", "inner", "switch")),
         change=_scaled,
-        law=0.15,
+        law=0.1,
         says=(
             "the primary switches lose more at turn-off than the datasheet scales to: gate resistor, "
             "stray inductance, tail current"
@@ -222,7 +222,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.08, 2.0, (-0.6, 20.0)),
         paths=("secondary.switch.turn_off.energy_J",),
         change=_scaled,
-        law=0.15,
+        law=0.1,
         says=(
             "the secondary switches lose more at turn-off than the datasheet scales to: gate resistor, "
             "stray inductance"
