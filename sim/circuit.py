@@ -92,6 +92,13 @@ def loop_drops(converter: Converter, t: Temperatures) -> tuple[Array, Array | No
     return _stacked([(V0 + fixed_V, R + fixed_R) for V0, R in _state_drops(primary, t)]), beyond
 
 
+def behind_magnetizing(converter: Converter, t: Temperatures) -> Quantity:
+    """Resistance of the secondary's channels, referred to the primary; 0 where it depends on the state."""
+    if not converter.secondary.switch.synchronous:
+        return 0.0
+    return converter.transformer.turns_ratio**2 * path_drop(secondary_scheme(converter).forward, t)[1]
+
+
 def _state_drops(scheme: Scheme, t: Temperatures) -> list[tuple[Quantity, Quantity]]:
     return [path_drop(path, t) for path in (scheme.forward, scheme.reverse, scheme.zero)]
 
@@ -197,6 +204,7 @@ def build_circuit(
         zero=drops[2],
         secondary=beyond,
         eddy_s=wide(eddy_time_s(converter, t)),
+        behind_Ohm=wide(behind_magnetizing(converter, t)),
         bends_A=bends_A,
         relative_L=relative,
         charge_C=np.stack([wide(Q) for Q in charges]),

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.commutation import Commutation, Curves, Drops, Meeting
+from sim.pieces import Pieces
 from sim.soft_switching import CURVE_POINTS
 from sim.swings import commutate
-from sim.waveform import Circuit, Pieces, Steps, half_wave
+from sim.waveform import Circuit, Steps, half_wave
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -159,11 +160,12 @@ def _meeting(
     shunted = secondary / Lm
     push = rises * np.where(secondary, -0.5 * nV2, 0.5 * V1)
     link_A, magnetizing_A = moment.link_A[lead, points], moment.magnetizing_A[lead, points]
+    behind = np.broadcast_to(circuit.behind_Ohm, circuit.V1_V.shape)[points]
     drops, resistance = _drops(circuit, points, level, secondary, rises, link_A)
     return Meeting(
         current_A=link_A - secondary * magnetizing_A,
         per_current=rises * np.where(secondary, circuit.turns_ratio[points], -1.0),
-        outside_A_per_s=(vp - nvs) / L - shunted * nvs,
+        outside_A_per_s=(vp - nvs + behind * magnetizing_A) / L - shunted * nvs,
         coupling_A_per_s=push / L + shunted[:, None] * (secondary * push),
         drops=tuple(drops),
         magnetizing_A=secondary[0] * magnetizing_A,
@@ -230,11 +232,14 @@ def _current_at(pieces: Pieces, stretch: Index, time_s: Array) -> tuple[Array, I
         row = each * stretch + m
         starts, lengths = (np.take_along_axis(x, row, axis=0) for x in (pieces.start_s, pieces.duration_s))
         piece = np.where((lengths > 0) & (starts <= time_s), row, piece)
-    begin, i, w, a = (
+    begin, i, first, decay, line = (
         np.take_along_axis(x, piece, axis=0)
-        for x in (pieces.start_s, pieces.current_A, pieces.drive_A_per_s, pieces.decay_per_s)
-    )
+        for x in (
+            pieces.start_s, pieces.current_A, pieces.slope_A_per_s, pieces.decay_per_s,
+            pieces.share * pieces.magnetizing_A_per_s,
+        )
+    )  # fmt: skip
     t = time_s - begin
-    x = np.maximum(a * t, 1e-300)
-    now = np.asarray(i + (w - a * i) * t * (-np.expm1(-x) / x))
-    return now, piece, w - a * now
+    x = np.maximum(decay * t, 1e-300)
+    curved = (first - line) * t * (-np.expm1(-x) / x)
+    return np.asarray(i + line * t + curved), piece, np.asarray(first - decay * curved)

@@ -14,9 +14,9 @@ from sim.bridges import Scheme, Transition, primary_scheme, secondary_scheme, sw
 from sim.circuit import Temperatures
 from sim.commutation import Commutation
 from sim.parameters import Converter, Quantity, Switch
+from sim.pieces import Pieces
 from sim.soft_switching import residual_energy
 from sim.steady_state import Orbit
-from sim.waveform import Pieces
 
 Array = NDArray[np.float64]
 
@@ -30,11 +30,14 @@ class PathIntegrals:
 
 
 def path_integrals(
-    pieces: Pieces, voltage_V: Array, link_V: Array
+    pieces: Pieces, square: Array, voltage_V: Array, link_V: Array
 ) -> tuple[PathIntegrals, PathIntegrals, PathIntegrals]:
-    """The active state of a bridge with the current along its voltage (10, N), against it, and the zero state."""
+    """The active state of a bridge with the current along its voltage (10, N), against it, and the zero state.
+
+    ``square`` (10, N) are the integrals of the squared current that its resistances carry.
+    """
     half_period = np.sum(pieces.duration_s, axis=0)
-    charge, square = pieces.sign * pieces.charge(), pieces.square()
+    charge = pieces.sign * pieces.charge()
     live = np.abs(voltage_V) > 0.5 * link_V
     along = voltage_V * pieces.sign > 0
 
@@ -51,9 +54,11 @@ def conduction_losses(converter: Converter, t: Temperatures, pieces: Pieces, V1_
     """Conduction of both bridges by kind of device."""
     n = converter.transformer.turns_ratio
     nV2_V = np.max(np.abs(pieces.nvs_V), axis=0)
-    primary = path_integrals(pieces, pieces.vp_V, V1_V)
+    square = pieces.square()
+    primary = path_integrals(pieces, square, pieces.vp_V, V1_V)
+    behind = pieces.secondary_square() if converter.secondary.switch.synchronous else square
     # the secondary's voltage drives the current the other way round
-    secondary = path_integrals(pieces, -pieces.nvs_V, nV2_V)
+    secondary = path_integrals(pieces, behind, -pieces.nvs_V, nV2_V)
     return _conduction(primary_scheme(converter), t, primary, 1.0) | _conduction(
         secondary_scheme(converter), t, secondary, n
     )

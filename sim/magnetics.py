@@ -24,7 +24,7 @@ from scipy.special import gamma
 
 from sim.circuit import Temperatures
 from sim.parameters import Converter, Core, Quantity, Winding
-from sim.waveform import Pieces
+from sim.pieces import Pieces
 
 Array = NDArray[np.float64]
 

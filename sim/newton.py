@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.orbit import FINE, NEAR, SHIFT, Accuracy, Orbit, Sweep, mean_power_W
+from sim.orbit import FINE, NEAR, SHIFT, Accuracy, Orbit, Sweep, bridge_power_W
 from sim.waveform import Circuit
 
 Array = NDArray[np.float64]
@@ -56,11 +56,11 @@ class _Response:
     @classmethod
     def of(cls, circuit: Circuit, sweep: Sweep) -> "_Response":
         pieces, steps, Th = sweep.pieces, sweep.steps, circuit.half_period_s
-        drive, decay, length = pieces.drive_A_per_s, pieces.decay_per_s, pieces.duration_s
-        each, start = drive.shape[0] // 5, pieces.current_A
+        decay, length = pieces.decay_per_s, pieces.duration_s
+        each = decay.shape[0] // 5
         # what passes a stretch decays, and is scaled by the slopes' ratio where a zero crossing or a bend moves
-        slope = drive - decay * start
-        ends = drive[:-1] - decay[:-1] * start[1:]
+        slope = pieces.slope_A_per_s
+        ends = pieces.slope_at(pieces.end_A, length)[:-1]
         scaled = np.ones_like(slope)
         used = (length[1:] > 0) & (np.arange(1, 5 * each) % each != 0)[:, None]
         scaled[1:] = np.where(used, slope[1:] / np.where(used & (ends != 0), ends, 1.0), 1.0)
@@ -153,7 +153,7 @@ class _Work:
         unit_A = circuit.V1_V * circuit.half_period_s / circuit.inductance_H
         size = np.abs(off[0]) / unit_A + np.sum(np.abs(sweep.late), axis=0)
         if demand is not None:
-            off[5] = mean_power_W(sweep.pieces, sweep.pieces.nvs_V) - demand.power_W
+            off[5] = bridge_power_W(sweep.pieces) - demand.power_W
             scale_W = np.maximum(np.abs(demand.power_W), _LEAST_W)
             self.done &= np.abs(off[5]) <= self.accuracy.power * scale_W
             size = size + np.abs(off[5]) / (unit_A * circuit.nV2_V)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from sim.commutation import Commutation
 from sim.dead_times import EdgeView, commutations
-from sim.waveform import Circuit, Pieces, Steps, march
+from sim.pieces import Pieces
+from sim.waveform import Circuit, Steps, march
 
 Array = NDArray[np.float64]
 
@@ -54,12 +55,12 @@ class Orbit:
         return self
 
     def output_power_W(self) -> Array:
-        """Mean of n vs i over the half period: power into the ideal secondary bridge."""
-        return mean_power_W(self.pieces, self.pieces.nvs_V)
+        """Power into the ideal secondary bridge: the mean of n vs i, and what the magnetizing current carries."""
+        return bridge_power_W(self.pieces)
 
     def input_power_W(self) -> Array:
         """Mean of vp i over the half period: power out of the ideal primary bridge."""
-        return mean_power_W(self.pieces, self.pieces.vp_V)
+        return _mean_power_W(self.pieces, self.pieces.vp_V)
 
 
 def _put(whole: Any, rows: NDArray[np.intp], part: Any) -> None:
@@ -71,9 +72,14 @@ def _put(whole: Any, rows: NDArray[np.intp], part: Any) -> None:
             mine[..., rows] = other
 
 
-def mean_power_W(pieces: Pieces, voltage_V: Array) -> Array:
+def _mean_power_W(pieces: Pieces, voltage_V: Array) -> Array:
     """Mean of a voltage, (10, N) over the pieces, times the current."""
     return np.asarray(np.sum(voltage_V * pieces.charge(), axis=0) / np.sum(pieces.duration_s, axis=0))
+
+
+def bridge_power_W(pieces: Pieces) -> Array:
+    """Power (N,) into the ideal secondary bridge."""
+    return np.asarray(np.sum(pieces.bridge_energy(), axis=0) / np.sum(pieces.duration_s, axis=0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,5 +30,6 @@ def oscillogram(model: Model, points: Points, steps: Steps | None = None) -> Tra
         vp_V=np.concatenate([half.vp_V, -half.vp_V]),
         vs_V=np.concatenate([half.vs_V, -half.vs_V]),
         current_A=np.concatenate([half.current_A, -half.current_A]),
+        magnetizing_A=np.concatenate([half.magnetizing_A, -half.magnetizing_A]),
         output_V=np.concatenate([half.output_V, half.output_V]),
     )

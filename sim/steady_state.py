@@ -13,7 +13,8 @@ from sim.anderson import accelerated
 from sim.dead_times import magnetizing_current
 from sim.newton import Demand, settle, step_once
 from sim.orbit import COARSE, FINE, SHIFT, Accuracy, Orbit, Sweep
-from sim.waveform import Circuit, Pieces, lossless_start_A
+from sim.pieces import Pieces
+from sim.waveform import Circuit, lossless_start_A
 
 __all__ = [
     "COARSE",

@@ -4,11 +4,11 @@ Between the legs' positions l (from -1 to 1), the link current i, the magnetizin
 
 .. math::
     L \, \dot\imath &= \tfrac12 V_1 (l_1 + l_2) - \tfrac12 n v_2 (l_3 + l_4)
-        - \operatorname{sign}(i) V_0 - R (i + \tau \dot\imath) \\
-    L_m \, \dot\imath_m &= \tfrac12 n v_2 (l_3 + l_4)
+        - \operatorname{sign}(i) V_0 - R (i + \tau \dot\imath) + R' i_m \\
+    L_m \, \dot\imath_m &= \tfrac12 n v_2 (l_3 + l_4) + R' (i + \tau \dot\imath - i_m)
 
 A resistor L/tau beside the inductance carries tau di/dt (eddy currents in the windings); what leaves the bridges'
-terminals is i + tau di/dt.
+terminals is i + tau di/dt. R' is what of R lies behind the magnetizing inductance.
 
 When a leg flips, both its switches open; in the dead time the current that leaves it moves its charge,
 :math:`0 \le q \le Q`, and its position follows the charge along the curve of its capacitances. At the end of the
@@ -83,6 +83,7 @@ class Trace:
     vp_V: Array
     vs_V: Array
     current_A: Array
+    magnetizing_A: Array
     output_V: Array
 
     def mean(self, values: Array) -> Array:
@@ -132,15 +133,17 @@ class Stepper:
         nodes = self._nodes(state, until_s, flips_s)
         waiting = flips_s.copy()
         shape = (2 * (len(nodes) - 1), *state.link_A.shape)
-        times, vp, nvs, current, volts = (np.empty(shape) for _ in range(5))
+        times, vp, nvs, current, magnetizing, volts = (np.empty(shape) for _ in range(6))
         for k in range(len(nodes) - 1):
             before, waiting = self._events(state, waiting)
             state, first, second = self._step(before, nodes[k + 1] - nodes[k])
             for row, at, rates in ((2 * k, before, first), (2 * k + 1, state, second)):
-                times[row], volts[row] = at.time_s, at.output_V
+                times[row], volts[row], magnetizing[row] = at.time_s, at.output_V, at.magnetizing_A
                 vp[row], nvs[row], current[row] = rates.vp_V, rates.nvs_V, rates.current_A
         vs = nvs / self.circuit.turns_ratio
-        return state, Trace(time_s=times, vp_V=vp, vs_V=vs, current_A=current, output_V=volts)
+        return state, Trace(
+            time_s=times, vp_V=vp, vs_V=vs, current_A=current, magnetizing_A=magnetizing, output_V=volts
+        )  # fmt: skip
 
     @property
     def _instant_s(self) -> Array:
@@ -200,13 +203,14 @@ class Stepper:
         nvs = c.turns_ratio * state.output_V * secondary
         V0, R = self._drops(vp, nvs, i)
         share = self._inductance_share(i)
-        link = (vp - nvs - np.sign(i) * V0 - R * i) / (share * (c.inductance_H + R * c.eddy_s))
+        shunted_V = c.behind_Ohm * state.magnetizing_A
+        link = (vp - nvs - np.sign(i) * V0 - R * i + shunted_V) / (share * (c.inductance_H + R * c.eddy_s))
         current = i + share * c.eddy_s * link
         into = c.turns_ratio * (current - state.magnetizing_A)
         leaves = state.side * np.stack([-current, -current, into, into])
         return _Rates(
             link=link,
-            magnetizing=nvs / c.magnetizing_H,
+            magnetizing=(nvs + c.behind_Ohm * (current - state.magnetizing_A)) / c.magnetizing_H,
             charge=np.where(open_, leaves, 0.0),
             output=self.output.slope(into * secondary, state.output_V),
             vp_V=vp,
@@ -269,9 +273,15 @@ class Settled:
         """Peak-to-peak link current (N,)."""
         return np.asarray(2 * np.max(np.abs(self.trace.current_A), axis=0))
 
-    def power_W(self, voltage_V: Array) -> Array:
-        """Mean power (N,) of one of the trace's voltages (S, N) times the current."""
-        return self.trace.mean(voltage_V * self.trace.current_A)
+    @property
+    def input_W(self) -> Array:
+        """Mean power (N,) out of the primary bridge."""
+        return self.trace.mean(self.trace.vp_V * self.trace.current_A)
+
+    def output_W(self, turns_ratio: Array) -> Array:
+        """Mean power (N,) into the secondary bridge."""
+        t = self.trace
+        return t.mean(turns_ratio * t.vs_V * (t.current_A - t.magnetizing_A))
 
 
 def at_rest(circuit: Circuit, edges: Array) -> State:

@@ -254,5 +254,5 @@ def _window_edges_s(start_s: float, half_period_s: float, step_s: float) -> list
 
 
 def _joined(traces: list[Trace]) -> Trace:
-    names = ("time_s", "vp_V", "vs_V", "current_A", "output_V")
+    names = ("time_s", "vp_V", "vs_V", "current_A", "magnetizing_A", "output_V")
     return Trace(**{name: np.concatenate([getattr(t, name) for t in traces]) for name in names})

@@ -10,8 +10,11 @@ rises with frequency squared. What leaves the bridges' terminals is i + tau di/d
 exponential, cut where the current crosses zero (a current that the remaining voltage cannot lift over V0 stays there).
 Everything is vectorised over operating points.
 
-Assumption: the secondary's resistances are referred to the primary and carry the link current, and the
-magnetizing inductance lies across the ideal secondary bridge, so its current is a triangle of its own.
+The magnetizing current is a triangle of its own, driven by n vs. Resistance behind it, R', carries the link current
+less the magnetizing one: with rho = R'/R the part y = i - rho i_m is an exponential, and i that and a straight line.
+
+Assumption: the secondary's thresholds and the transformer's windings carry the link current, and the drop of R' is left
+out of what drives the magnetizing current's triangle; its power is not (:meth:`sim.pieces.Pieces.bridge_energy`).
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -20,9 +23,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.decay import decay_integral, decay_moment, decay_square
+from sim.decay import decay_integral
+from sim.pieces import Pieces
 
 Array = NDArray[np.float64]
+
+_NEVER = -0.999999  # of a decay's asymptote: what the line alone carries over is left to Newton's rule
+_CROSSINGS = 2  # steps: the line is a hundredth of the slope
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +40,8 @@ class Circuit:
     in the active state with the current along vp, against it, and in the zero state; ``secondary`` (3, 2, N) are those
     that depend on the secondary's state instead (current out of it along its voltage, against it, zero state), and
     ``eddy_s`` is tau. ``charge_C`` (4, N) moves each leg through its swing along the ``curve``-th of its ``curves``
-    (4, G, 65), shared by all points. The inductance is ``relative_L`` (B, N) of that of a small current between the
+    (4, G, 65), shared by all points. ``behind_Ohm`` is what of the resistances lies behind the magnetizing inductance,
+    in every state. The inductance is ``relative_L`` (B, N) of that of a small current between the
     bends (B - 1,) of the flux, shared by all points; without bends it is that of a small current.
     """
 
@@ -52,6 +60,7 @@ class Circuit:
     curve: NDArray[np.intp]
     secondary: Array | None = None
     eddy_s: Array | float = 0.0
+    behind_Ohm: Array | float = 0.0
     bends_A: Array = field(default_factory=lambda: np.zeros(0))
     relative_L: Array = field(default_factory=lambda: np.ones((1, 1)))
 
@@ -63,75 +72,6 @@ class Circuit:
             name: value[..., chosen] for name, value in values.items() if isinstance(value, np.ndarray)
         }
         return replace(self, **of_points)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pieces:
-    """The half period in exponential pieces (some empty), arrays (K, N), as many in each of five stretches.
-
-    In a piece that starts at ``start_s`` the current is ``i e^(-a t) + w (1 - e^(-a t)) / a`` with
-    i = ``current_A``, w = ``drive_A_per_s``, a = ``decay_per_s``; ``sign`` is that of the current. Integrals are of
-    what leaves the terminals, the current and ``eddy_s`` times its slope; ``relative_L`` scales both inductance and
-    ``eddy_s``.
-    """
-
-    start_s: Array
-    duration_s: Array
-    current_A: Array
-    drive_A_per_s: Array
-    decay_per_s: Array
-    sign: Array
-    vp_V: Array
-    nvs_V: Array
-    eddy_s: Array | float
-    relative_L: Array
-
-    def current_at(self, time_s: Array) -> Array:
-        """Link current in A at times of the half period [0, Th], shape (..., N)."""
-        count = self.start_s.shape[0]
-        index = np.sum(time_s[None] >= self.start_s.reshape(count, *(1,) * (time_s.ndim - 1), -1), axis=0) - 1
-        index = np.clip(index, 0, count - 1).reshape(-1, time_s.shape[-1])
-
-        def pick(values: Array) -> Array:
-            return np.take_along_axis(values, index, axis=0).reshape(time_s.shape)
-
-        t = time_s - pick(self.start_s)
-        first = t * decay_integral(pick(self.decay_per_s) * t)
-        return pick(self.current_A) + first * (
-            pick(self.drive_A_per_s) - pick(self.decay_per_s) * pick(self.current_A)
-        )
-
-    def charge(self) -> Array:
-        """Integral of the terminal current over each piece, in A s."""
-        x, T = self.decay_per_s * self.duration_s, self.duration_s
-        passed = T * (self.current_A * decay_integral(x) + self.drive_A_per_s * T * decay_moment(x))
-        return np.asarray(passed + self.eddy_s * self.relative_L * (self.end_A - self.current_A))
-
-    def square(self) -> Array:
-        """Integral of the squared terminal current over each piece, in A^2 s."""
-        T, i, w = self.duration_s, self.current_A, self.drive_A_per_s
-        x = self.decay_per_s * T
-        plain = T * (
-            i**2 * decay_integral(2 * x) + w * T * (i * decay_integral(x) ** 2 + w * T * decay_square(x))
-        )
-        eddy_s = self.eddy_s * self.relative_L
-        eddy = eddy_s * (self.end_A**2 - i**2 + eddy_s * self.squared_slope())
-        return np.asarray(plain + eddy)
-
-    def squared_slope(self) -> Array:
-        """Integral of (di/dt)^2 over each piece, in A^2/s."""
-        first = self.drive_A_per_s - self.decay_per_s * self.current_A
-        return np.asarray(first**2 * self.duration_s * decay_integral(2 * self.decay_per_s * self.duration_s))
-
-    def squared_induced(self) -> Array:
-        """The same of the voltage across the inductance, over that of a small current squared."""
-        return np.asarray(self.relative_L**2 * self.squared_slope())
-
-    @property
-    def end_A(self) -> Array:
-        """Current at the end of each piece, in A."""
-        first = self.duration_s * decay_integral(self.decay_per_s * self.duration_s)
-        return np.asarray(self.current_A + first * (self.drive_A_per_s - self.decay_per_s * self.current_A))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,6 +115,12 @@ class Steps:
             vp_V=staircase(level[0] + level[1], np.where(of_secondary, 0.0, ordered)),
             nvs_V=staircase(level[2] + level[3], np.where(of_secondary, ordered, 0.0)),
         )
+
+    def magnetizing(self, circuit: Circuit) -> tuple[Array, Array]:
+        """Magnetizing current at the start of each stretch, and its slope there, (5, N)."""
+        slope = self.nvs_V / circuit.magnetizing_H
+        risen = np.cumsum(slope * self.duration_s, axis=0)
+        return np.concatenate([np.zeros_like(risen[:1]), risen[:-1]]) - 0.5 * risen[-1], slope
 
 
 def half_wave(positions: Array) -> tuple[Array, Array]:
@@ -220,10 +166,29 @@ def _drops(circuit: Circuit, vp_V: Array, nvs_V: Array, sign: Array) -> tuple[Ar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Moment:
+    """Known voltages, and the magnetizing current with its slope, all (N,)."""
+
+    vp_V: Array
+    nvs_V: Array
+    magnetizing_A: Array
+    magnetizing_A_per_s: Array
+
+    def at(self, chosen: NDArray[np.intp], later_s: Array) -> "_Moment":
+        """Some of the points, after a time."""
+        slope = self.magnetizing_A_per_s[chosen]
+        return _Moment(
+            vp_V=self.vp_V[chosen], nvs_V=self.nvs_V[chosen],
+            magnetizing_A=self.magnetizing_A[chosen] + slope * later_s, magnetizing_A_per_s=slope,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Start:
     """Pieces from a current at known voltages: what drives it, how it decays, the sign that it has or takes.
 
-    A piece ends at the latest when the current reaches ``until_A``: zero, or the next bend of the flux.
+    A piece ends at the latest when the current reaches ``until_A``: zero, or the next bend of the flux. ``share`` is
+    that of the magnetizing current, ``line_A`` and ``line_A_per_s`` the straight part that it makes.
     """
 
     current_A: Array
@@ -232,42 +197,61 @@ class _Start:
     sign: Array
     relative_L: Array
     until_A: Array
+    share: Array
+    line_A: Array
+    line_A_per_s: Array
 
     @classmethod
-    def of(cls, circuit: Circuit, vp_V: Array, nvs_V: Array, current_A: Array) -> "_Start":
-        v = vp_V - nvs_V
+    def of(cls, circuit: Circuit, moment: _Moment, current_A: Array) -> "_Start":
+        v = moment.vp_V - moment.nvs_V
         resting = current_A == 0
         sign = np.where(resting, np.sign(v), np.sign(current_A))
-        V0, R = _drops(circuit, vp_V, nvs_V, sign)
+        V0, R = _drops(circuit, moment.vp_V, moment.nvs_V, sign)
         held = resting & (np.abs(v) <= V0)
         push_V = np.where(held, 0.0, v - sign * V0)
         relative, until = np.ones_like(v), np.where(resting, np.nan, 0.0)
         if circuit.bends_A.size:
             relative, until = _band(circuit, current_A, sign, push_V - R * current_A)
         inertia_H = relative * (circuit.inductance_H + R * circuit.eddy_s)
+        share = np.where(held, 0.0, circuit.behind_Ohm / np.where(R > 0, R, np.inf))
+        line_A_per_s = share * moment.magnetizing_A_per_s
         return cls(
-            current_A=current_A, drive_A_per_s=push_V / inertia_H, decay_per_s=R / inertia_H, sign=sign,
-            relative_L=relative, until_A=until,
+            current_A=current_A, drive_A_per_s=push_V / inertia_H - line_A_per_s, decay_per_s=R / inertia_H,
+            sign=sign, relative_L=relative, until_A=until, share=share, line_A=share * moment.magnetizing_A,
+            line_A_per_s=line_A_per_s,
         )  # fmt: skip
+
+    @property
+    def curved(self) -> Array:
+        """Slope at the start of the part that decays."""
+        return self.drive_A_per_s - self.decay_per_s * (self.current_A - self.line_A)
 
     @property
     def slope(self) -> Array:
         """di/dt at the start."""
-        return self.drive_A_per_s - self.decay_per_s * self.current_A
+        return self.curved + self.line_A_per_s
 
     def after(self, time_s: Array) -> Array:
         """The current after a time."""
-        return self.current_A + self.slope * time_s * decay_integral(self.decay_per_s * time_s)
+        return self.current_A + time_s * (
+            self.curved * decay_integral(self.decay_per_s * time_s) + self.line_A_per_s
+        )
 
     def reaches(self, end_A: Array) -> NDArray[np.intp]:
         """Points at which the current gets beyond its limit on the way to ``end_A``."""
         return np.flatnonzero((self.until_A - self.current_A) * (self.until_A - end_A) < 0)
 
     def time_s(self, chosen: NDArray[np.intp]) -> Array:
-        """When it gets there: i + slope (1 - e^(-a t)) / a = limit."""
+        """When it gets there: as of one exponential, and from there by Newton's rule."""
         slope, to_go = self.slope[chosen], (self.until_A - self.current_A)[chosen]
-        straight, x = to_go / slope, -self.decay_per_s[chosen] * to_go / slope
-        return np.asarray(straight * np.where(x == 0, 1.0, np.log1p(x) / np.where(x == 0, 1.0, x)))
+        decay, curved, line = self.decay_per_s[chosen], self.curved[chosen], self.line_A_per_s[chosen]
+        straight, x = to_go / slope, -decay * to_go / slope
+        x = np.maximum(x, _NEVER)
+        t = np.asarray(straight * np.where(x == 0, 1.0, np.log1p(x) / np.where(x == 0, 1.0, x)))
+        for _ in range(_CROSSINGS):
+            gone = t * (curved * decay_integral(decay * t) + line)
+            t = np.maximum(t - (gone - to_go) / (curved * np.exp(-decay * t) + line), 0.0)
+        return t
 
 
 def _band(circuit: Circuit, current_A: Array, sign: Array, push_V: Array) -> tuple[Array, Array]:
@@ -285,21 +269,25 @@ def march(circuit: Circuit, steps: Steps, start_A: Array) -> Pieces:
     each = 2 * (circuit.bends_A.size + 1)
     shape = (5 * each, *start_A.shape)
     length = np.zeros(shape)
-    current, drive, decay, sign, relative = (np.empty(shape) for _ in range(5))
+    current, drive, decay, sign, relative, share, shunt = (np.empty(shape) for _ in range(7))
+    magnetizing, rises = steps.magnetizing(circuit)
     i = start_A
     for k in range(5):
-        left, part = steps.duration_s[k], circuit
-        vp, nvs, now = steps.vp_V[k], steps.nvs_V[k], i
+        left, part, now = steps.duration_s[k], circuit, i
+        moment = _Moment(
+            vp_V=steps.vp_V[k], nvs_V=steps.nvs_V[k], magnetizing_A=magnetizing[k], magnetizing_A_per_s=rises[k]
+        )  # fmt: skip
         moving = np.arange(i.size)
         rows: slice | NDArray[np.intp] = slice(None)  # all of them, without the cost of picking
         for m in range(each):
-            piece = _Start.of(part, vp, nvs, now)
+            piece = _Start.of(part, moment, now)
             end = piece.after(left)
             beyond = slice(each * k + m, each * (k + 1))
             length[each * k + m, rows] = left
             current[each * k + m, rows] = now
             drive[beyond, rows], decay[beyond, rows] = piece.drive_A_per_s, piece.decay_per_s
             sign[beyond, rows], relative[beyond, rows] = piece.sign, piece.relative_L
+            share[beyond, rows], shunt[beyond, rows] = piece.share, moment.magnetizing_A
             reached = piece.reaches(end)
             if m == 0:
                 i = end
@@ -311,10 +299,11 @@ def march(circuit: Circuit, steps: Steps, start_A: Array) -> Pieces:
             passed, moving = piece.time_s(reached), moving[reached]
             length[each * k + m, moving] = passed
             left, rows, part = left[reached] - passed, moving, circuit.take(moving)
-            vp, nvs, now = vp[reached], nvs[reached], piece.until_A[reached]
+            moment, now = moment.at(reached, passed), piece.until_A[reached]
     begin = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)[:-1]])
     return Pieces(
         start_s=begin, duration_s=length, current_A=current, drive_A_per_s=drive, decay_per_s=decay,
         sign=sign, vp_V=np.repeat(steps.vp_V, each, axis=0), nvs_V=np.repeat(steps.nvs_V, each, axis=0),
-        eddy_s=circuit.eddy_s, relative_L=relative,
+        eddy_s=circuit.eddy_s, relative_L=relative, share=share, magnetizing_A=shunt,
+        magnetizing_A_per_s=np.repeat(rises, each, axis=0), behind_Ohm=circuit.behind_Ohm,
     )  # fmt: skip

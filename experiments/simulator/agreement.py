@@ -85,8 +85,9 @@ def _without_losses(size: int) -> Circuit:
     )
     nothing = np.zeros_like(circuit.forward)
     return replace(
-        circuit, forward=nothing, reverse=nothing, zero=nothing, eddy_s=0.0, dead_time_s=np.full(size, 1e-18)
-    )
+        circuit, forward=nothing, reverse=nothing, zero=nothing, behind_Ohm=0.0, eddy_s=0.0,
+        dead_time_s=np.full(size, 1e-18),
+    )  # fmt: skip
 
 
 def time_stepping(settings: Settings) -> Findings:
@@ -95,7 +96,7 @@ def time_stepping(settings: Settings) -> Findings:
     solved = solve_points(Model.baseline(), points)
     settled = settle(Stepper(circuit=solved.circuit), solved.edges)
     exact_W = solved.orbit.output_power_W()
-    stepped_W = settled.power_W(solved.circuit.turns_ratio * settled.trace.vs_V)
+    stepped_W = settled.output_W(solved.circuit.turns_ratio)
     rms = 100 * np.abs(settled.rms_A / solved.result["I_L_rms_A"] - 1)
     power = 100 * np.abs(stepped_W / exact_W - 1)
     worst = np.argsort(-np.maximum(rms, power))[:5]

@@ -46,6 +46,10 @@ class Choke:
         """Integral of i^2 over each piece, (10, N) in A^2 s."""
         return self._integral(self.current(_straight(pieces)) ** 2, pieces)
 
+    def secondary_square(self, pieces: Pieces) -> Array:
+        """Integral of the squared current that the transformer hands on, over each piece, (10, N) in A^2 s."""
+        return self._integral((self.current(_straight(pieces)) - _magnetizing(pieces)) ** 2, pieces)
+
     def extra_W(self, orbit: Orbit) -> Array:
         """Power into the secondary bridge beyond that of a constant inductance, (N,)."""
         pieces = orbit.pieces
@@ -61,5 +65,12 @@ class Choke:
 def _straight(pieces: Pieces) -> Array:
     """The solver's current at the quadrature's nodes in each piece, (4, 10, N)."""
     time_s = _NODES[:, None, None] * pieces.duration_s
-    decayed = -np.expm1(-pieces.decay_per_s * time_s)
-    return np.asarray(pieces.current_A * (1 - decayed) + pieces.drive_A_per_s * decayed / pieces.decay_per_s)
+    line = pieces.share * pieces.magnetizing_A_per_s
+    decayed = -np.expm1(-pieces.decay_per_s * time_s) / pieces.decay_per_s
+    return np.asarray(pieces.current_A + line * time_s + (pieces.slope_A_per_s - line) * decayed)
+
+
+def _magnetizing(pieces: Pieces) -> Array:
+    """The magnetizing current there."""
+    time_s = _NODES[:, None, None] * pieces.duration_s
+    return np.asarray(pieces.magnetizing_A + pieces.magnetizing_A_per_s * time_s)

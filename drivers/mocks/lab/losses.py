@@ -128,7 +128,8 @@ def _conduction(
             threshold_V, resistance_Ohm = device.drop
             watts = device.count * (threshold_V * mean_A + resistance_Ohm * mean_A2)
             lost[device.kind] = lost[device.kind] + watts
-    secondary = 2 * n**2 * channel_Ohm(low.on, heat.secondary_C) * square_A2
+    handed_on_A2 = np.sum(choke.secondary_square(pieces), axis=0) / circuit.half_period_s
+    secondary = 2 * n**2 * channel_Ohm(low.on, heat.secondary_C) * handed_on_A2
     return lost | {"secondary": secondary}, square_A2
 
 

@@ -75,7 +75,8 @@ def lab_circuit(converter: Converter, heat: Heat, demand: Demand) -> Circuit:
     """The solver's circuit for the lab's converter at its temperatures."""
     low, n = converter.secondary.switch, converter.transformer.turns_ratio
     ones, legs = np.ones_like(demand.D1), primary_legs(converter)
-    series = series_Ohm(converter, heat) + 2 * n**2 * channel_Ohm(low.on, heat.secondary_C)
+    behind = 2 * n**2 * channel_Ohm(low.on, heat.secondary_C)
+    series = series_Ohm(converter, heat) + behind
     forward, reverse, zero = (_in_series(path, series) for path in legs.states(junctions(heat)))
     primary_C = legs.charge_C(demand.V1_V)
     secondary_C = 2 * np.asarray(low.capacitance.charge_C(demand.V2_V))
@@ -92,6 +93,7 @@ def lab_circuit(converter: Converter, heat: Heat, demand: Demand) -> Circuit:
         forward=forward,
         reverse=reverse,
         zero=zero,
+        behind_Ohm=behind,
         charge_C=np.stack([primary_C, primary_C, secondary_C, secondary_C]),
         curves=curves[:, None, :],
         curve=np.zeros(demand.D1.size, dtype=np.intp),
