@@ -45,9 +45,9 @@ _FINE = np.arange(0.95, 1.05, 5e-4)  # and of what was found
 class Leftover:
     """A correction of the input power in W from residuals at measured points: smooth, and an analyzer's errors.
 
-    A Gaussian process with covariance ``smooth_W^2 k(x, x') + offset_W^2 + (gain^2 + drift^2 k(t, t')) P P'``;
-    ``place`` (N, 4) holds the measured D1, D2, power and time, ``length`` (4,) how far each is smooth over, ``noise_W``
-    (N,) the readings' noise, and ``weight`` (N,) the fit.
+    A Gaussian process with covariance ``smooth_W^2 k(x, x') + offset_W^2 + gain^2 P P' + drift^2 k(t, t') L L'``;
+    ``place`` (N, 5) holds the measured D1, D2, power P, time t and the loss L that the model has there, ``length`` (4,)
+    how far the first four are smooth over, ``noise_W`` (N,) the readings' noise, and ``weight`` (N,) the fit.
     """
 
     place: Array
@@ -60,11 +60,12 @@ class Leftover:
     drift: float = 0.0
 
     def covariance(self, a: Array, b: Array) -> Array:
-        """Prior covariance of the correction at (N, 4) and (K, 4), in W^2."""
-        a_, b_ = a / self.length, b / self.length
+        """Prior covariance of the correction at (N, 5) and (K, 5), in W^2."""
+        a_, b_ = a[:, :4] / self.length, b[:, :4] / self.length
         smooth = self.smooth_W**2 * kernel(a_[:, :3], b_[:, :3])
-        with_power = self.gain**2 + self.drift**2 * kernel(a_[:, 3:], b_[:, 3:])
-        return np.asarray(smooth + self.offset_W**2 + with_power * a[:, 2:3] * b[:, 2])
+        analyzer = self.offset_W**2 + self.gain**2 * a[:, 2:3] * b[:, 2]
+        in_time = self.drift**2 * kernel(a_[:, 3:], b_[:, 3:]) * a[:, 4:] * b[:, 4]
+        return np.asarray(smooth + analyzer + in_time)
 
     def fitted(self, residual_W: Array, sigma_W: Array) -> Self:
         """The process given residuals and their noise, (N,)."""
@@ -72,7 +73,7 @@ class Leftover:
         return replace(fitted, weight=fitted._readings().solve(residual_W))
 
     def left_open(self, place: Array) -> Array:
-        """Covariance of the correction at points (K, 4) after the fit, (K, K), in W^2."""
+        """Covariance of the correction at points (K, 5) after the fit, (K, K), in W^2."""
         across = self.covariance(place, self.place)
         return np.asarray(self.covariance(place, place) - across @ self._readings().solve(across.T))
 
@@ -80,7 +81,7 @@ class Leftover:
         return Whitener.of(self.covariance(self.place, self.place) + np.diag(self.noise_W**2))
 
     def watts(self, place: Array) -> Array:
-        """Correction at points (K, 4)."""
+        """Correction at points (K, 5)."""
         return np.asarray(self.covariance(place, self.place) @ self.weight)
 
 
@@ -104,7 +105,7 @@ class CalibratedPhysics:
         a, b, c = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (D1, D2, power_W)))
         place = np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1)
         P1 = simulate(self.model, self._points(place))["P1_W"]
-        return np.asarray((c.ravel() / (P1 + self.leftover.watts(self._now(place)))).reshape(a.shape))
+        return np.asarray((c.ravel() / (P1 + self.leftover.watts(self._now(place, P1)))).reshape(a.shape))
 
     def left_open(self, place: Array) -> Array:
         """Covariance of the predicted efficiency at points (K, 3) of D1, D2 and power, (K, K).
@@ -115,7 +116,7 @@ class CalibratedPhysics:
         P1, *others = (r["P1_W"] for r in simulate_many([self.model, *self.variants], points))
         moved = np.nan_to_num(np.stack(others) - P1)
         per_watt = place[:, 2] / P1**2
-        watts = moved.T @ moved + self.leftover.left_open(self._now(place))
+        watts = moved.T @ moved + self.leftover.left_open(self._now(place, P1))
         return np.asarray(per_watt[:, None] * watts * per_watt)
 
     def vouched(self) -> "Vouched":
@@ -134,9 +135,9 @@ class CalibratedPhysics:
         points = self._points(place)
         return np.array([tried_W[max(int(np.count_nonzero(can_run(m, points))) - 1, 0)] for m in models])
 
-    def _now(self, place: Array) -> Array:
-        """Points (K, 3) with the time."""
-        return np.column_stack([place, np.full(len(place), self.time_s)])
+    def _now(self, place: Array, P1_W: Array) -> Array:
+        """Points (K, 3) with the time, and the loss."""
+        return np.column_stack([place, np.full(len(place), self.time_s), P1_W - place[:, 2]])
 
     def _points(self, place: Array) -> Points:
         D1, D2, power_W = place.T
@@ -176,14 +177,15 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
     observations = refinery.observations
     model = refinery.model(fit, refinery.spreads(fit))
     loads = observations.of("efficiency") & observations.loaded[observations.row]
-    residual = observations.value - observations.simulate([model], refinery.near)[0]
+    simulated = observations.simulate([model], refinery.near)[0]
+    residual = observations.value - simulated
     usable = loads & np.isfinite(residual)
     p = observations.points
-    where = np.stack([p.D1, p.D2, p.power_W, p.time_s], axis=1)
+    where = np.stack([p.D1, p.D2, p.power_W, p.time_s], axis=1)[observations.row]
     time_s = np.asarray(p.time_s, dtype=np.float64)
     none = np.zeros(int(usable.sum()))
     empty = Leftover(
-        place=where[observations.row[usable]],
+        place=np.column_stack([where, simulated - where[:, 2]])[usable],
         weight=none,
         noise_W=none,
         length=np.append(length_scale(observations), max(_TIME_LENGTH * float(np.ptp(time_s)), 1.0)),

@@ -110,11 +110,11 @@ def on_tangents(refinery: Refinery) -> list[Fit]:
 
 def search(refinery: Refinery) -> list[Fit]:
     """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
-    nothing, *singles = _alone(refinery)
-    fits = [nothing, *singles]
+    fits = _alone(refinery)
+    straight = [*(_term(s) for s in refinery.known.effects), *_secants(refinery, fits[0])]
     for size, most in ((2, _PAIRS), (3, _TRIPLES)):
         base = [f for f in fits if len(f.terms) == size - 1]
-        larger = _larger(refinery, nothing, base, fits, most)
+        larger = _larger(refinery, base, fits, straight, most)
         if not larger:
             break
         fits += larger
@@ -217,15 +217,28 @@ def _significant(refinery: Refinery, fit: Fit) -> bool:
     return abs(term.distance) > _SIGNIFICANT * float(np.hypot(sigma, term.head.tolerance))
 
 
-def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], most: int) -> list[Fit]:
-    """The hypotheses with one cause more that are in reach of the best, simulated and followed."""
+def _secants(refinery: Refinery, nothing: Fit) -> list[Term]:
+    """Effects that are far from a line, with slopes from off to each value that a search of them starts from."""
+    lines = [replace(nothing, terms=(_term(s),)) for s in refinery.known.effects]
+    starts = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
+    seen = refinery.simulated(starts) if starts else []
+    return [replace(t, slope=(f.shift - nothing.shift) / t.distance) for f in seen for t in f.terms]
+
+
+def _larger(
+    refinery: Refinery, base: list[Fit], fits: list[Fit], straight: list[Term], most: int
+) -> list[Fit]:
+    """The hypotheses with one cause more that are in reach of the best, simulated and followed.
+
+    ``fits`` begin with nothing; the further causes come with ``straight`` slopes from off, or those learned alone.
+    """
     catalogue = len({s.effect for s in refinery.known.effects})
 
     def log_probability(fit: Fit) -> float:
         return fit.log_evidence + log_prior(fit, catalogue)
 
-    learned = [f.terms[0] for f in fits if len(f.terms) == 1]
-    terms = [*learned, *(_term(s) for s in refinery.known.effects)]
+    nothing, learned = fits[0], [f.terms[0] for f in fits if len(f.terms) == 1]
+    terms = [*learned, *straight]
     leading = max(map(log_probability, fits))
     pairs = combinations([_term(t.signature) for t in learned], 2)
     candidates = _on_tangents(refinery, nothing, pairs) if len(base[0].terms) == 1 else []

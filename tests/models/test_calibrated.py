@@ -59,7 +59,7 @@ def leftover(place: np.ndarray) -> Leftover:
 
 def test_a_leftover_goes_through_quiet_readings() -> None:
     rng = np.random.default_rng(1)
-    place = rng.uniform([0.4, 0.0, 200.0, 0.0], [1.0, 0.5, 1800.0, 1.0], (30, 4))
+    place = rng.uniform([0.4, 0.0, 200.0, 0.0, 5.0], [1.0, 0.5, 1800.0, 1.0, 50.0], (30, 5))
     residual = 0.3 * np.sin(place[:, 2] / 400.0)
     fitted = leftover(place).fitted(residual, np.full(30, 1e-3))
     np.testing.assert_allclose(fitted.watts(place), residual, atol=0.01)  # ten sigmas of a reading
@@ -67,18 +67,18 @@ def test_a_leftover_goes_through_quiet_readings() -> None:
 
 def test_a_leftover_ignores_what_noise_explains() -> None:
     rng = np.random.default_rng(2)
-    place = rng.uniform([0.4, 0.0, 200.0, 0.0], [1.0, 0.5, 1800.0, 1.0], (30, 4))
+    place = rng.uniform([0.4, 0.0, 200.0, 0.0, 5.0], [1.0, 0.5, 1800.0, 1.0, 50.0], (30, 5))
     fitted = leftover(place).fitted(0.1 * rng.standard_normal(30), np.full(30, 10.0))
     assert np.max(np.abs(fitted.watts(place))) < 0.01  # readings a hundred times worse than the prior
 
 
 def test_a_drift_of_the_losses_is_predicted_at_the_end_of_the_campaign() -> None:
     late = Leftover(
-        place=np.array([[0.8, 0.1, 1000.0, t] for t in np.linspace(0.0, 1.0, 30)]),
+        place=np.array([[0.8, 0.1, 1000.0, t, 20.0] for t in np.linspace(0.0, 1.0, 30)]),
         weight=np.zeros(30),
         noise_W=np.zeros(30),
         length=np.array([0.2, 0.2, 400.0, 0.2]),
-        drift=1e-3,
+        drift=0.1,
     )
     rise_W = 1.5 * (1 - np.exp(-3 * late.place[:, 3]))
     fitted = late.fitted(rise_W, np.full(30, 0.02))
