@@ -8,8 +8,9 @@ Kelley, Solving Nonlinear Equations with Newton's Method, 2003, section 4.3):
 .. math:: w = -J^{-1} F(z_k), \quad w \mathrel{+}= s_{j+1} \frac{s_j \cdot w}{s_j \cdot s_j} \; (j < k - 1), \quad
           s_k = \frac{w}{1 - s_{k-1} \cdot w / s_{k-1} \cdot s_{k-1}}
 
-Three or four looks at a point do, where the rounds of :mod:`sim.fixed_point` need six to eight. Where states bend (an
-edge loses zero voltage, two edges pass each other) this may not settle: such points are left to those rounds.
+Two or three looks at a point do, where the rounds of :mod:`sim.fixed_point` need six to eight. Where states bend on the
+way (an edge loses zero voltage, two edges pass each other), the response is taken again; what does not settle then is
+left to those rounds.
 """
 
 from collections.abc import Iterator
@@ -24,7 +25,9 @@ from sim.station import OperatingState, Slow, Station
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_ROUNDS = 14
+_ROUNDS = 12
+_AGAIN = 4  # looks after which the few that are left have their own response taken
+_FEW, _SHARE = 40, 1 / 30  # of all: more would cost as much as they save
 _WORSE = 10.0  # times the last step: a point that strays so far is left to others
 _LEAST, _MOST = 0.2, 6.0  # how much of a step the last one may make of it
 _STATE_UNIT = (1.0, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)  # A, Th: start current, delays, phase
@@ -95,12 +98,16 @@ def approach(
     Every time some have settled, the rows that were looked at, which of them settled, and the state of all of them.
     """
     rows, z, steps = np.arange(len(station.points)), _unknowns(station), list[Array]()
-    for _ in range(_ROUNDS):
+    few, learned = max(_FEW, _SHARE * rows.size), 0
+    for turn in range(_ROUNDS):
+        if turn - learned >= _AGAIN and rows.size <= few:
+            (response, station), learned = Response.of(station), turn
+            origin, z, steps = np.arange(rows.size), _unknowns(station), []
         state, missed = station.missed()
         settled = station.settled(state, missed)
         if np.any(settled):
             yield rows, settled, state
-        step = _taught(response.step(origin[rows], missed), steps)
+        step = _taught(response.step(origin, missed), steps)
         nearer = np.ones(rows.size, dtype=bool)
         if steps:
             nearer = np.sum(step**2, axis=0) < _WORSE**2 * np.sum(steps[-1] ** 2, axis=0)
@@ -108,7 +115,7 @@ def approach(
         going = np.flatnonzero(~settled & nearer & ahead.on_branch())
         if not going.size:
             return
-        rows, z = rows[going], (z + step)[:, going]
+        rows, origin, z = rows[going], origin[going], (z + step)[:, going]
         steps = [s[:, going] for s in (*steps, step)]
         station = ahead.take(going)
 
