@@ -15,11 +15,13 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import xgboost
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    import xgboost
 
 Floats = NDArray[np.float64]
 FEATURES = ("D1", "D2", "power_W")
@@ -76,7 +78,7 @@ class BoostedTrees:
     Its inputs are ``FEATURES``, and in their order whatever it was trained with beyond them.
     """
 
-    def __init__(self, booster: xgboost.Booster, settings: BoostSettings) -> None:
+    def __init__(self, booster: "xgboost.Booster", settings: BoostSettings) -> None:
         self.settings = settings
         self._booster = booster
         # One thread predicts: a search asks for some hundred rows at a time, and a team of threads that waits
@@ -102,6 +104,8 @@ class BoostedTrees:
             )
         if not (np.isfinite(rows).all() and np.isfinite(y).all()):
             raise ValueError("training inputs and targets must be finite; drop infeasible points first")
+        import xgboost  # here: it takes a second to load, and most verbs grow no trees
+
         parameters = {
             "objective": "reg:squarederror",
             "tree_method": "exact",  # splits half-way between samples; histograms split on one
@@ -145,6 +149,8 @@ class BoostedTrees:
     @classmethod
     def load(cls, path: Path) -> Self:
         """Read what ``save`` wrote."""
+        import xgboost
+
         settings = BoostSettings(**json.loads(path.with_suffix(".json").read_text()))
         booster = xgboost.Booster()
         booster.load_model(path)

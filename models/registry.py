@@ -22,7 +22,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import pandas as pd
-from xgboost.core import XGBoostError
 
 from models.boosting import BoostedTrees
 from models.surrogate import EfficiencyModel, Simulator, SimulatorStage, StagedModel
@@ -155,7 +154,7 @@ class Registry:
     def _trees(self, path: Path) -> BoostedTrees:
         try:
             return BoostedTrees.load(path)
-        except (OSError, TypeError, ValueError, XGBoostError) as error:
+        except (OSError, TypeError, ValueError) as error:  # XGBoost's own is a ValueError
             said = str(error).splitlines()[0]
             raise RegistryError(f"{path}: the trees of this model cannot be read ({said})") from error
 

@@ -24,9 +24,9 @@ from sim.station import OperatingState, Slow, Station
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_ROUNDS = 10
-_WORSE = 3.0  # times the last step: a point that strays so far is left to others
-_LEAST, _MOST = 0.3, 4.0  # how much of a step the last one may make of it
+_ROUNDS = 14
+_WORSE = 10.0  # times the last step: a point that strays so far is left to others
+_LEAST, _MOST = 0.2, 6.0  # how much of a step the last one may make of it
 _STATE_UNIT = (1.0, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)  # A, Th: start current, delays, phase
 _SLOW_UNIT = {"I1_A": 0.1}  # the others: 1 K, 1 W
 _DIFFERENCE = 1e-3  # of the units

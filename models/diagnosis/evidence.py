@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import Fit, Term, weigh
+from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery, hopeless
 from models.diagnosis.signatures import Signature
@@ -29,6 +29,7 @@ _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a worse place than off
+_NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _REACH = 3.0  # prior scales that a line is trusted over
 
 
@@ -57,31 +58,47 @@ def posterior(refinery: Refinery) -> list[Hypothesis]:
 
 
 def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypothesis]:
-    """Fits without and with every leftover, the values beside a leftover fitted again."""
+    """Fits without and with every leftover, the values beside a leftover fitted again.
+
+    Of each fit, what has no probability worth a word is left out, but for itself alone and beside its best leftover.
+    """
     geometry, catalogue = refinery.geometry, len({s.effect for s in refinery.known.effects})
     configurations = geometry.leftovers.configurations
     shares: list[tuple[Leftover | None, float]] = [
         (None, math.log(1 - P_LEFTOVER) if configurations else 0.0)
     ]
     shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
-    found: list[tuple[Fit, Leftover | None, float]] = []
-    fits = list(fits)
-    for fit, seen in zip(fits, refinery.seen(fits), strict=True):
-        own = fit.own(refinery.known)
-        prior = log_prior(fit, catalogue)
-        for leftover, share in shares:
-            w = weigh(fit, seen, geometry, own, leftover)
-            terms = tuple(replace(t, sigma=float(s)) for t, s in zip(fit.terms, w.sigma, strict=True))
-            # without leftover the simulator has the last word; beside one the tangents have
-            evidence = w.log_evidence if leftover is None else w.promised
-            settled = replace(fit, terms=terms, log_evidence=evidence)
-            found.append((settled.moved(w.step), leftover, prior + share + evidence))
-    log = np.array([p for _, _, p in found])
-    probability = np.exp(log - np.logaddexp.reduce(log))
+    fits, leftovers = list(fits), [leftover for leftover, _ in shares]
+    own = [fit.own(refinery.known) for fit in fits]
+    log = np.empty((len(fits), len(leftovers)))
+    weighed = weigh(fits, refinery.seen(fits), geometry, own, leftovers)
+    for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
+        log[k] = log_prior(fit, catalogue)
+        log[k] += [share + _last_word(w, c) for (c, share), w in zip(shares, beside, strict=True)]
+    probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
+    counts = (probability > _NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
+    counts[:, 0] = True  # without leftover
+    order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
     return [
-        Hypothesis(fit=found[k][0], leftover=found[k][1], probability=float(probability[k]))
-        for k in np.argsort(-probability)
+        Hypothesis(
+            fit=_settled(fits[k], leftovers[c], weighed[k][c]),
+            leftover=leftovers[c],
+            probability=float(probability[k, c]),
+        )
+        for k, c in order
+        if counts[k, c]
     ]
+
+
+def _last_word(w: Weighed, leftover: Leftover | None) -> float:
+    """Without leftover the simulator has the last word; beside one the tangents have."""
+    return w.log_evidence if leftover is None else w.promised
+
+
+def _settled(fit: Fit, leftover: Leftover | None, w: Weighed) -> Fit:
+    """The fit at its best values, with their deviations."""
+    terms = tuple(replace(t, sigma=float(s)) for t, s in zip(fit.terms, w.sigma, strict=True))
+    return replace(fit, terms=terms, log_evidence=_last_word(w, leftover)).moved(w.step)
 
 
 def on_tangents(refinery: Refinery) -> list[Fit]:
@@ -93,11 +110,11 @@ def on_tangents(refinery: Refinery) -> list[Fit]:
 
 def search(refinery: Refinery) -> list[Fit]:
     """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
-    nothing, *singles = _alone(refinery)
-    fits = [nothing, *singles]
+    fits = _alone(refinery)
+    straight = [*(_term(s) for s in refinery.known.effects), *_secants(refinery, fits[0])]
     for size, most in ((2, _PAIRS), (3, _TRIPLES)):
         base = [f for f in fits if len(f.terms) == size - 1]
-        larger = _larger(refinery, nothing, base, fits, most)
+        larger = _larger(refinery, base, fits, straight, most)
         if not larger:
             break
         fits += larger
@@ -200,15 +217,28 @@ def _significant(refinery: Refinery, fit: Fit) -> bool:
     return abs(term.distance) > _SIGNIFICANT * float(np.hypot(sigma, term.head.tolerance))
 
 
-def _larger(refinery: Refinery, nothing: Fit, base: list[Fit], fits: list[Fit], most: int) -> list[Fit]:
-    """The hypotheses with one cause more that are in reach of the best, simulated and followed."""
+def _secants(refinery: Refinery, nothing: Fit) -> list[Term]:
+    """Effects that are far from a line, with slopes from off to each value that a search of them starts from."""
+    lines = [replace(nothing, terms=(_term(s),)) for s in refinery.known.effects]
+    starts = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
+    seen = refinery.simulated(starts) if starts else []
+    return [replace(t, slope=(f.shift - nothing.shift) / t.distance) for f in seen for t in f.terms]
+
+
+def _larger(
+    refinery: Refinery, base: list[Fit], fits: list[Fit], straight: list[Term], most: int
+) -> list[Fit]:
+    """The hypotheses with one cause more that are in reach of the best, simulated and followed.
+
+    ``fits`` begin with nothing; the further causes come with ``straight`` slopes from off, or those learned alone.
+    """
     catalogue = len({s.effect for s in refinery.known.effects})
 
     def log_probability(fit: Fit) -> float:
         return fit.log_evidence + log_prior(fit, catalogue)
 
-    learned = [f.terms[0] for f in fits if len(f.terms) == 1]
-    terms = [*learned, *(_term(s) for s in refinery.known.effects)]
+    nothing, learned = fits[0], [f.terms[0] for f in fits if len(f.terms) == 1]
+    terms = [*learned, *straight]
     leading = max(map(log_probability, fits))
     pairs = combinations([_term(t.signature) for t in learned], 2)
     candidates = _on_tangents(refinery, nothing, pairs) if len(base[0].terms) == 1 else []
@@ -241,9 +271,13 @@ def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) 
         part = seen.of([*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends])
         off = (replace(t, value=t.head.off) for t in chosen)
         fit = replace(base, terms=(*base.terms, *off))
-        found.append((weigh(fit, part, refinery.geometry, fit.own(refinery.known)).promised, fit))
-    found.sort(key=lambda entry: -entry[0])
-    return _fitted_lines(refinery, [fit for _, fit in found[:_SCREENED]])
+        found.append((fit, part))
+    if not found:
+        return []
+    fits, parts = [fit for fit, _ in found], [part for _, part in found]
+    weighed = weigh(fits, parts, refinery.geometry, [fit.own(refinery.known) for fit in fits])
+    best = sorted(range(len(fits)), key=lambda k: -weighed[k][0].promised)[:_SCREENED]
+    return _fitted_lines(refinery, [fits[k] for k in best])
 
 
 def _are_new(chosen: Sequence[Term], base: Fit) -> bool:

@@ -78,7 +78,6 @@ class Geometry:
     whitener: Whitener
     leftovers: Leftovers
     spreads_solved: Array
-    basis_solved: Array
     between_spreads: Array
     admitted: dict[tuple[str, float], _Admitted]
 
@@ -86,14 +85,11 @@ class Geometry:
     def of(cls, whitener: Whitener, spreads: Array, leftovers: Leftovers) -> Self:
         """The geometry of a covariance that contains the ``spreads`` and none of the ``leftovers``."""
         size = len(spreads)
-        joined = np.concatenate([spreads, leftovers.basis])
-        solved = whitener.solve(joined.T).T
-        inner = joined @ solved.T
+        inner = whitener.inner(np.concatenate([spreads, leftovers.basis]))
         return cls(
             whitener=whitener,
             leftovers=leftovers,
-            spreads_solved=solved[:size],
-            basis_solved=solved[size:],
+            spreads_solved=whitener.solve(spreads.T).T,
             between_spreads=inner[:size, :size],
             admitted={c.key: _admitted(c, inner, size) for c in leftovers.configurations},
         )
@@ -140,41 +136,68 @@ class Geometry:
 
     def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
         """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""
-        inner, outer, log_det = seen.each_other, seen.on_spreads[own], 0.0
-        between = self.between_spreads[np.ix_(own, own)]
-        if leftover is not None:
-            let_in = self.admitted[leftover.key]
-            on = leftover.amplitude_W * seen.on_basis[leftover.columns]
-            on, aside = (
-                solve_triangular(let_in.root, on, lower=True, check_finite=False),
-                let_in.spreads[:, own],
+        ((inner, log_det),) = self.products_beside([seen], [own], [leftover])
+        return np.asarray(inner[0]), float(log_det[0])
+
+    def products_beside(
+        self, seen: Sequence[Projection], own: Sequence[Rows], leftovers: Sequence[Leftover | None]
+    ) -> list[tuple[Array, Array]]:
+        """The same of many projections, each beside L leftovers: products (L, k, k) and log-determinants (L,)."""
+        ends = np.cumsum([0, *(p.on_spreads.shape[1] for p in seen)]).tolist()
+        found = [
+            (
+                np.empty((len(leftovers), b - a, b - a)),
+                np.empty((len(leftovers), o.size, b - a)),
+                np.empty((len(leftovers), o.size, o.size)),
             )
-            inner, outer, between = inner - on.T @ on, outer - aside.T @ on, between - aside.T @ aside
-            log_det = let_in.log_det
-        if own.size:
-            remaining, vectors = np.linalg.eigh(np.eye(own.size) - 0.5 * (between + between.T))
-            remaining = np.maximum(remaining, _LEAST_LEFT)
-            turned = vectors.T @ outer
-            inner = inner + turned.T @ (turned / remaining[:, None])
-            log_det += float(np.sum(np.log(remaining)))
-        return inner, log_det
+            for (a, b), o in zip(pairwise(ends), own, strict=True)
+        ]
+        log_det = np.zeros(len(leftovers))
+        on_spreads = np.concatenate([p.on_spreads for p in seen], axis=1)
+        on_basis = np.concatenate([p.on_basis for p in seen], axis=1)
+        for k, leftover in enumerate(leftovers):
+            on, outer, between = np.zeros((1, ends[-1])), on_spreads, self.between_spreads
+            if leftover is not None:
+                let_in = self.admitted[leftover.key]
+                on = leftover.amplitude_W * on_basis[leftover.columns]
+                on = solve_triangular(let_in.root, on, lower=True, check_finite=False)
+                outer, between = outer - let_in.spreads.T @ on, between - let_in.spreads.T @ let_in.spreads
+                log_det[k] = let_in.log_det
+            for p, o, (inner, outside, inside), (a, b) in zip(seen, own, found, pairwise(ends), strict=True):
+                inner[k] = p.each_other - on[:, a:b].T @ on[:, a:b]
+                outside[k], inside[k] = outer[o, a:b], between[o[:, None], o]
+        return [_taken_out(*parts, log_det) for parts in found]
 
     def solve(self, vectors: Array, own: Rows, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of vectors (k, M), without the spreads ``own``, with a leftover."""
-        solved, spreads = self.whitener.solve(vectors.T).T, self.spreads_solved[own]
+        solved = np.concatenate([self.whitener.solve(vectors.T).T, self.spreads_solved[own]])
         between = self.between_spreads[np.ix_(own, own)]
         if leftover is not None:
-            let_in, scale = self.admitted[leftover.key], leftover.amplitude_W
-            basis = scale * solve_triangular(
-                let_in.root, self.basis_solved[leftover.columns], lower=True, check_finite=False
+            let_in, columns = (
+                self.admitted[leftover.key],
+                leftover.amplitude_W * self.leftovers.basis[leftover.columns],
             )
-            aside = let_in.spreads[:, own]
-            solved = solved - (vectors @ basis.T) @ basis
-            spreads, between = spreads - aside.T @ basis, between - aside.T @ aside
+            on = solve_triangular(let_in.root, columns @ solved.T, lower=True, check_finite=False)
+            back = solve_triangular(let_in.root, on, lower=True, trans=1, check_finite=False)
+            solved = solved - self.whitener.solve(columns.T @ back).T
+            between = between - let_in.spreads[:, own].T @ let_in.spreads[:, own]
+        solved, spreads = solved[: len(vectors)], solved[len(vectors) :]
         if own.size:
             inner = np.eye(own.size) - between
             solved = solved + np.linalg.lstsq(inner, spreads @ vectors.T, rcond=_LEAST_LEFT)[0].T @ spreads
         return np.asarray(solved)
+
+
+def _taken_out(inner: Array, outside: Array, inside: Array, log_det: Array) -> tuple[Array, Array]:
+    """Products (L, k, k) without spreads that are seen (L, o, k), with products (L, o, o) among each other."""
+    if not inside.shape[1]:
+        return inner, log_det
+    symmetric = 0.5 * (inside + np.swapaxes(inside, 1, 2))
+    remaining, vectors = np.linalg.eigh(np.eye(inside.shape[1]) - symmetric)
+    remaining = np.maximum(remaining, _LEAST_LEFT)
+    turned = np.swapaxes(vectors, 1, 2) @ outside
+    without = inner + np.swapaxes(turned, 1, 2) @ (turned / remaining[:, :, None])
+    return without, log_det + np.sum(np.log(remaining), axis=1)
 
 
 def _joined(vectors: Array, seen: Projection, beside: Sequence[Directions]) -> Projection:

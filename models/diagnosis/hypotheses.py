@@ -10,12 +10,13 @@ marginal likelihood about the fit is Laplace's (Bishop, 2006, section 4.4), exac
 Mass of the prior and of the posterior outside the bounds does not count.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr
 
 from models.diagnosis.geometry import Geometry, Projection
@@ -146,53 +147,74 @@ class Weighed:
 
 
 def weigh(
-    fit: Fit, seen: Projection, geometry: Geometry, own: Rows, leftover: Leftover | None = None
-) -> Weighed:
-    """Laplace's evidence; ``seen`` is the projection of ``fit.vectors(residual)``, then of its laws' columns."""
+    fits: Sequence[Fit],
+    seen: Sequence[Projection],
+    geometry: Geometry,
+    own: Sequence[Rows],
+    leftovers: Sequence[Leftover | None] = (None,),
+) -> list[list[Weighed]]:
+    """Laplace's evidence of every fit beside every leftover, one list a fit.
+
+    ``seen`` are the projections of ``fit.vectors(residual)``, then of its laws' columns.
+    """
+    products = geometry.products_beside(seen, own, leftovers)
+    return [_weighed(fit, *found) for fit, found in zip(fits, products, strict=True)]
+
+
+def _weighed(fit: Fit, inner: Array, log_det: Array) -> list[Weighed]:
+    """The evidence from products (L, k, k) under each covariance and its log-determinant (L,)."""
     size = len(fit.terms)
-    inner, log_det = _law_let_in(*geometry.products(seen, own, leftover), size + 1)
-    bare = -0.5 * (float(inner[-1, -1]) + log_det)
+    inner, log_det = _law_let_in(inner, log_det, size + 1)
+    bare = -0.5 * (inner[:, -1, -1] + log_det)
     if not size:
-        return Weighed(log_evidence=bare, promised=bare, step=np.empty(0), sigma=np.empty(0))
+        none = np.empty(0)
+        return [Weighed(log_evidence=b, promised=b, step=none, sigma=none) for b in bare.tolist()]
     prior = np.array([t.head.prior for t in fit.terms])
     distance = np.array([t.distance for t in fit.terms])
-    scaled = prior[:, None] * inner[:size, :size] * prior + np.eye(size)  # in units of the prior
-    pull = prior * inner[:size, -1] - distance / prior
+    scaled = prior[:, None] * inner[:, :size, :size] * prior + np.eye(size)  # in units of the prior
+    pull = prior * inner[:, :size, -1] - distance / prior
     inverse = np.linalg.inv(scaled)
-    step, sigma = prior * (inverse @ pull), prior * np.sqrt(np.diag(inverse))
+    ahead = np.einsum("lij,lj->li", inverse, pull)
+    step, sigma = prior * ahead, prior * np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
     held = _held(fit, step)
-    gained = 0.5 * float(pull @ inverse @ pull)
-    here = bare - 0.5 * (float(np.sum((distance / prior) ** 2)) + float(np.linalg.slogdet(scaled)[1]))
-    here += sum(
-        _inside(t.head, t.value + s, d) - _inside(t.head, t.head.off, t.head.prior)
-        for t, s, d in zip(fit.terms, step, sigma, strict=True)
-    )
-    return Weighed(
-        log_evidence=here + (gained if np.any(held) else min(gained, _GAINED)),
-        promised=here + gained,
-        step=np.where(held, 0.0, step),
-        sigma=sigma,
-    )
+    gained = 0.5 * np.sum(pull * ahead, axis=1)
+    here = bare - 0.5 * (np.sum((distance / prior) ** 2) + np.linalg.slogdet(scaled)[1])
+    for k, t in enumerate(fit.terms):
+        here = here + _inside(t.head, t.value + step[:, k], sigma[:, k]) - _inside_at_first(t.head)
+    promised, step = here + gained, np.where(held, 0.0, step)
+    evidence = here + np.where(np.any(held, axis=1), gained, np.minimum(gained, _GAINED))
+    return [
+        Weighed(log_evidence=e, promised=p, step=step[k], sigma=sigma[k])
+        for k, (e, p) in enumerate(zip(evidence.tolist(), promised.tolist(), strict=True))
+    ]
 
 
-def _law_let_in(inner: Array, log_det: float, vectors: int) -> tuple[Array, float]:
+def _law_let_in(inner: Array, log_det: Array, vectors: int) -> tuple[Array, Array]:
     """Products of the first so many, under a covariance that the directions after them were added to."""
-    if len(inner) == vectors:
+    more = inner.shape[1] - vectors
+    if not more:
         return inner, log_det
-    root = np.linalg.cholesky(np.eye(len(inner) - vectors) + inner[vectors:, vectors:])
-    onto = solve_triangular(root, inner[vectors:, :vectors], lower=True, check_finite=False)
-    return inner[:vectors, :vectors] - onto.T @ onto, log_det + 2 * float(np.sum(np.log(np.diag(root))))
+    root = np.linalg.cholesky(np.eye(more) + inner[:, vectors:, vectors:])
+    onto = np.linalg.solve(root, inner[:, vectors:, :vectors])
+    log_det = log_det + 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
+    return inner[:, :vectors, :vectors] - np.swapaxes(onto, 1, 2) @ onto, log_det
 
 
 def _held(fit: Fit, step: Array) -> NDArray[np.bool_]:
-    """Which terms stand at a bound and would go further."""
-    return np.array([
-        (t.value <= t.head.lower and s < 0) or (t.value >= t.head.upper and s > 0)
-        for t, s in zip(fit.terms, step, strict=True)
-    ])  # fmt: skip
+    """Which terms stand at a bound and would go further, (L, k)."""
+    at_lower = np.array([t.value <= t.head.lower for t in fit.terms])
+    at_upper = np.array([t.value >= t.head.upper for t in fit.terms])
+    return np.asarray((at_lower & (step < 0)) | (at_upper & (step > 0)))
 
 
-def _inside(head: EffectParameter, mean: float, sigma: float) -> float:
+def _inside(head: EffectParameter, mean: Array | float, sigma: Array | float) -> Array:
     """Log of the share of N(mean, sigma^2) inside the bounds, to rounding where the nearer bound cuts."""
-    near, far = sorted(((mean - head.lower) / sigma, (head.upper - mean) / sigma))
-    return float(log_ndtr(near) + np.log1p(-np.exp(min(log_ndtr(-far) - log_ndtr(near), -1e-12))))
+    below, above = (mean - head.lower) / sigma, (head.upper - mean) / sigma
+    near, far = log_ndtr(np.minimum(below, above)), log_ndtr(-np.maximum(below, above))
+    return np.asarray(near + np.log1p(-np.exp(np.minimum(far - near, -1e-12))))
+
+
+@cache
+def _inside_at_first(head: EffectParameter) -> float:
+    """The same of the prior."""
+    return float(_inside(head, head.off, head.prior))

@@ -102,3 +102,16 @@ class Whitener:
         for rows, root in zip(self.rows, self.inverse_roots, strict=True):
             solved[rows] = root.T @ white[rows]
         return solved
+
+    def inner(self, vectors: Array) -> Array:
+        """V C^-1 V^T (k, k) of vectors (k, M), most of which are zero in most blocks."""
+        products = np.zeros((len(vectors), len(vectors)))
+        onto = np.zeros((len(self.root), len(vectors)))
+        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
+            part = vectors[:, rows]
+            there = np.flatnonzero(np.any(part, axis=1))
+            white = part[there] @ root.T
+            products[np.ix_(there, there)] += white @ white.T
+            onto[:, there] += self.seen[:, rows] @ white.T
+        onto = solve_triangular(self.root, onto, lower=True, check_finite=False) if len(onto) else onto
+        return np.asarray(products - onto.T @ onto)
