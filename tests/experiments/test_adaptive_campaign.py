@@ -30,6 +30,12 @@ def test_a_verdict_that_says_more_or_is_left_again_never_counts() -> None:
     assert reached(race(ADAPTIVE), record(RIGHT, ())) == math.inf
 
 
+def test_the_first_of_a_group_is_not_named() -> None:
+    tied = record(RIGHT)
+    tied["moments"][0]["verdict"] = "group"
+    assert reached(race(ADAPTIVE), tied) == math.inf
+
+
 def test_labs_that_only_one_plan_gets_right_are_counted_and_left_out_of_the_ratio() -> None:
     done = [
         (race(ADAPTIVE), record((), RIGHT)), (race(RANDOM), record((), (), (), RIGHT)),
