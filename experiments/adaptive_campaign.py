@@ -2,7 +2,7 @@
 
 Every lab hides one small effect (large ones are named from the start of either). Both campaigns go over the wires
 with the same start, references and budget of rows; minutes are those of the bench's own clock, settling and averaging
-included. A lab counts as done from the look at which exactly what is hidden was stated and stayed stated to the end.
+included. A lab counts as done from the look at which exactly what is hidden was named and stayed named to the end.
 The adaptive campaign ends by itself. Half of the labs are benches that read dc powers only, with effects that are
 tied with others there.
 
@@ -55,10 +55,10 @@ def races(settings: Settings) -> list[Race]:
 
 
 def reached(race: Race, record: Record) -> float:
-    """Bench minutes from which on exactly what is hidden was stated; infinite where it was not in the end."""
+    """Bench minutes from which on exactly what is hidden was named; infinite where it was not in the end."""
     minutes = np.inf
     for moment in reversed(record["moments"]):
-        if sorted(moment["stated"]) != sorted(race.names):
+        if moment["verdict"] != "named" or sorted(moment["stated"]) != sorted(race.names):
             break
         minutes = moment["minutes"]
     return float(minutes)
