@@ -1,6 +1,7 @@
 """Work in another process: its result, its error, its end when those who wait give up."""
 
 import os
+import signal
 from functools import partial
 
 import pytest
@@ -33,4 +34,4 @@ def test_those_who_wait_are_heard_and_may_give_up() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        beside(partial(os.read, os.pipe()[0], 1), meanwhile, SOON_S)  # reads until it is killed
+        beside(signal.pause, meanwhile, SOON_S)  # until it is killed
