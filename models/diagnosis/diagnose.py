@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from models.calibrated import CalibratedPhysics, calibrate
 from models.dataset import Measurements
@@ -282,7 +283,17 @@ def diagnose(
     ParameterError
         ``without`` names an effect that the catalogue does not have.
     """
-    baseline = baseline or Model.baseline()
+    with threadpool_limits(limits=1, user_api="blas"):  # of many small matrices a second thread only costs
+        return _diagnosed(measurements, baseline or Model.baseline(), without, seed, progress)
+
+
+def _diagnosed(
+    measurements: Measurements,
+    baseline: Model,
+    without: Collection[str],
+    seed: int,
+    progress: Callable[[str], None],
+) -> Diagnosis:
     left_out = frozenset(effect(name).name for name in without)
     observations = observe(measurements.frame, baseline.converter)
     if int(observations.loaded.sum()) < LEAST_ROWS:
