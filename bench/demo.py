@@ -153,7 +153,7 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         diagnosis, watch.seconds["diagnose"] = diagnosing.result()
         models[CALIBRATED] = diagnosis.calibrated
         with watch.step("optimise"):
-            optimum = optimise_on_lattice(diagnosis.calibrated, LOADS_W)
+            optimum = optimise_on_lattice(diagnosis.calibrated.vouched(), LOADS_W)
         say("measuring the optimum over load")
         with watch.step("campaign"):
             verification = _campaign(_optimum_campaign(optimum, plan.seed), bench, store, clock, progress)

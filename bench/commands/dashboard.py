@@ -10,6 +10,7 @@ from rich.markup import escape
 from bench.commands.options import DEFAULT_FOLDER, Database, Folder
 from bench.commands.streams import out
 from bench.errors import InputError
+from bench.processes import behind_the_campaign
 from bench.store import Store, database_url
 from models.registry import Registry
 
@@ -44,6 +45,7 @@ def dashboard(
     if token is None and not is_loopback(host):
         allowed = f"needs a token: set {TOKEN} or --token-file; without one only this machine may look"
         raise InputError.of("command line", "--host", host, allowed)
+    behind_the_campaign()
     with Store(database_url(db)) as store:
         desk = Desk(watcher=Watcher(store), registry=Registry(folder), read_only=read_only)
         desk.watcher.look()  # a page shows something at once

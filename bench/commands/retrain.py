@@ -1,6 +1,5 @@
 """The verb retrain: a model that follows the measurements, and is only ever replaced by one that is no worse."""
 
-import os
 import threading
 from typing import Annotated
 
@@ -13,6 +12,7 @@ from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.prediction import model_from
+from bench.processes import behind_the_campaign
 from bench.retrain import KINDS, Retrainer, Retraining, newest_data, note_in_store, watch
 from bench.store import Store, database_url
 from bench.training_data import TrainingData
@@ -22,7 +22,6 @@ from models.registry import Registry
 app = typer.Typer()
 
 LOOK_EVERY_S = 1.0
-NICE = 10  # the campaign's process goes first
 
 
 @app.command()
@@ -63,7 +62,7 @@ def retrain(
             return
         if campaign_id is not None:
             raise InputError.of("command line", "--watch", True, "follows the newest campaign; name none")
-        os.nice(NICE)
+        behind_the_campaign()
         stop = threading.Event()
         with on_signals(stop.set):
             out.print(
