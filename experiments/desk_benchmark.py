@@ -14,12 +14,9 @@ Seconds depend on the machine, and on what else it does; wall times say the latt
 import os
 import shutil
 import statistics
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from multiprocessing import get_context
@@ -48,7 +45,7 @@ from experiments.harness.lab_data import measured_table
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Goal, Result, Table
 from experiments.harness.settings import Countdown, Settings
-from experiments.harness.viewers import watching
+from experiments.harness.viewers import dashboard, watching
 from models.dataset import load_measurements
 from models.registry import Registry
 from models.surrogate import train_d2ea
@@ -171,7 +168,7 @@ def _followed(folder: Path, rows: int) -> _Followed:
     with Store(url) as store:
         writer = _Writer.begin(store, rows + FOLLOWED)
         writer.write(rows)
-        with _dashboard(url) as address:
+        with dashboard(url) as address:
             page_s = _first_page(address)
             with watching(address, VIEWERS) as viewers:
                 written = {}
@@ -236,27 +233,6 @@ class _Writer:
         return self.done
 
 
-@contextmanager
-def _dashboard(url: str) -> Iterator[str]:
-    """The dashboard in a process of its own; yields its address."""
-    command = [
-        sys.executable,
-        "-c",
-        "from bench.cli import main; main()",
-        "dashboard",
-        "--port",
-        "0",
-        "--db",
-        url,
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            yield process.stdout.readline().split(" at ")[1].split()[0]
-        finally:
-            process.terminate()
-
-
 def _first_page(address: str) -> float:
     """Seconds until a browser shows bench and progress; the second visit, as a person's browser has the scripts."""
     chromium = shutil.which("chromium")
@@ -290,7 +266,7 @@ def _cost(settings: Settings, folder: Path) -> tuple[Table, tuple[Goal, ...]]:
         for number in range(rounds):
             for viewers in (0, VIEWERS) if number % 2 else (VIEWERS, 0):
                 url = f"sqlite:///{folder}/cost-{number}-{viewers}.sqlite"
-                with Store(url), _dashboard(url) as address, watching(address, viewers):
+                with Store(url), dashboard(url) as address, watching(address, viewers):
                     runs[viewers].append(workers.submit(_campaign, url, CAMPAIGN_ROWS).result())
     without, beside = np.array(runs[0]), np.array(runs[VIEWERS])
     more = beside / without - 1

@@ -4,6 +4,7 @@ Closed forms subtract nearly equal terms where resistance is small against induc
 series take over.
 """
 
+from collections.abc import Callable
 from math import factorial
 
 import numpy as np
@@ -29,6 +30,15 @@ _RAMP = [(-1.0) ** k / factorial(k + 1) / (k + 3) for k in range(_TERMS)]
 _SQUARE = [(-1.0) ** k * (2.0 ** (k + 2) - 2) / factorial(k + 2) / (k + 3) for k in range(_TERMS + 5)]
 
 
+def _joined(coefficients: list[float], x: Array, closed: Callable[[Array], Array]) -> Array:
+    """The power series near zero, where the closed form loses its digits, and that form elsewhere."""
+    small = np.abs(x) < _SMALL
+    if np.all(small):
+        return _series(coefficients, x)
+    away = closed(np.where(small, 1.0, x))
+    return np.where(small, _series(coefficients, np.where(small, x, 0.0)), away)
+
+
 def decay_integral(x: Array) -> Array:
     """(1 - e^-x) / x.
 
@@ -45,11 +55,7 @@ def decay_moment(x: Array) -> Array:
     >>> decay_moment(np.array([0.0, 1e-9, 1.0])).round(6).tolist()
     [0.5, 0.5, 0.367879]
     """
-    small = np.abs(x) < _SMALL
-    if np.all(small):
-        return _series(_MOMENT, x)
-    safe = np.where(small, 1.0, x)
-    return np.where(small, _series(_MOMENT, np.where(small, x, 0.0)), (1.0 - decay_integral(safe)) / safe)
+    return _joined(_MOMENT, x, lambda x: (1.0 - decay_integral(x)) / x)
 
 
 def decay_ramp(x: Array) -> Array:
@@ -58,12 +64,7 @@ def decay_ramp(x: Array) -> Array:
     >>> decay_ramp(np.array([0.0, 1e-9, 1.0])).round(6).tolist()
     [0.333333, 0.333333, 0.235759]
     """
-    small = np.abs(x) < _SMALL
-    if np.all(small):
-        return _series(_RAMP, x)
-    safe = np.where(small, 1.0, x)
-    closed = (0.5 - (decay_integral(safe) - np.exp(-safe)) / safe) / safe
-    return np.where(small, _series(_RAMP, np.where(small, x, 0.0)), closed)
+    return _joined(_RAMP, x, lambda x: (0.5 - (decay_integral(x) - np.exp(-x)) / x) / x)
 
 
 def decay_square(x: Array) -> Array:
@@ -72,9 +73,4 @@ def decay_square(x: Array) -> Array:
     >>> decay_square(np.array([0.0, 1e-9, 1.0])).round(6).tolist()
     [0.333333, 0.333333, 0.168091]
     """
-    small = np.abs(x) < _SMALL
-    if np.all(small):
-        return _series(_SQUARE, x)
-    safe = np.where(small, 1.0, x)
-    closed = (decay_moment(safe) - 0.5 * decay_integral(safe) ** 2) / safe
-    return np.where(small, _series(_SQUARE, np.where(small, x, 0.0)), closed)
+    return _joined(_SQUARE, x, lambda x: (decay_moment(x) - 0.5 * decay_integral(x) ** 2) / x)

@@ -1,9 +1,11 @@
-"""Viewers of the dashboard without a browser: each loads a page, keeps its live connection, and notes what comes."""
+"""The dashboard in a process, and viewers without a browser: each loads a page, stays connected, notes what comes."""
 
 import asyncio
 import json
 import os
 import re
+import subprocess
+import sys
 import threading
 import time
 import uuid
@@ -61,6 +63,20 @@ class Viewer:
             await self._client.disconnect()
         if self._session is not None:
             await self._session.close()
+
+
+@contextmanager
+def dashboard(url: str, *options: str, token: str = "") -> Iterator[str]:
+    """The dashboard of a database in a process of its own; yields its address."""
+    verb = ["-c", "from bench.cli import main; main()", "dashboard", "--port", "0", "--db", url]
+    environment = os.environ | {"D2EA_TOKEN": token, "COLUMNS": "200"}  # wide: its address stays on one line
+    command = [sys.executable, *verb, *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().split(" at ")[1].split()[0]
+        finally:
+            process.terminate()
 
 
 @contextmanager

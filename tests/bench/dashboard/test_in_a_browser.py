@@ -1,12 +1,8 @@
 """The dashboard in a real browser: a campaign followed live, paused, aborted, and the bench seen off."""
 
-import os
 import shutil
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
@@ -16,6 +12,7 @@ from bench.errors import Aborted
 from bench.job import Job
 from bench.progress import Progress
 from bench.store import Store
+from experiments.harness.viewers import dashboard
 from tests.bench.dashboard.stored import BENCH, running_campaign
 from tests.bench.fake_bench import FakeInstruments, bench_config, campaign_config, predict
 
@@ -30,31 +27,6 @@ def browser() -> Iterator[Browser]:
         opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield opened
         opened.close()
-
-
-@contextmanager
-def dashboard(url: str, *options: str, token: str = "") -> Iterator[str]:
-    """The dashboard in a process of its own; yields its address."""
-    command = [
-        sys.executable,
-        "-c",
-        "from bench.cli import main; main()",
-        "dashboard",
-        "--port",
-        "0",
-        "--db",
-        url,
-    ]
-    environment = os.environ | {"D2EA_TOKEN": token, "COLUMNS": "200"}
-    with subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, text=True, env=environment
-    ) as process:
-        assert process.stdout is not None
-        said = process.stdout.readline()
-        try:
-            yield said.split(" at ")[1].split()[0]
-        finally:
-            process.terminate()
 
 
 class Campaign:
