@@ -7,8 +7,7 @@ out and listed (:mod:`models.screening`); columns that are not known here are ke
 
 import csv
 import difflib
-import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +15,8 @@ import numpy as np
 import pandas as pd
 import pyarrow
 
+from models.csv_table import CsvError, read_csv
+from models.other_names import OtherName, OtherNameError, renamed
 from models.screening import (
     KNOWN_COLUMNS,
     LOADED_KINDS,
@@ -47,8 +48,8 @@ class Measurements:
         return self.frame[self.frame["kind"].isin(LOADED_KINDS)].reset_index(drop=True)
 
 
-def load_measurements(source: Path | pd.DataFrame) -> Measurements:
-    """Read and check a measurement table.
+def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = ()) -> Measurements:
+    """Read and check a measurement table; ``names`` tells which columns it has under other names or in other units.
 
     Raises
     ------
@@ -56,7 +57,11 @@ def load_measurements(source: Path | pd.DataFrame) -> Measurements:
         The file cannot be read, a required column is missing, or no row can be used.
     """
     name = "table" if isinstance(source, pd.DataFrame) else str(source)
-    raw = source.reset_index(drop=True) if isinstance(source, pd.DataFrame) else _read(source)
+    raw = source.reset_index(drop=True) if isinstance(source, pd.DataFrame) else _read(source, names)
+    try:
+        raw = renamed(raw, names)
+    except OtherNameError as error:
+        raise DatasetError(f"{name}: {error}") from error
     _check_columns(raw, name)
     frame, notes = numbers(raw)
     rejected = screen(frame, raw)
@@ -78,8 +83,11 @@ def _unknown(frame: pd.DataFrame) -> tuple[str, ...]:
     return (f"unknown columns, kept and ignored: {', '.join(unknown)}",) if unknown else ()
 
 
-def _read(path: Path) -> pd.DataFrame:
-    readers: dict[str, Callable[[Path], pd.DataFrame]] = {".csv": _read_csv, ".parquet": pd.read_parquet}
+def _read(path: Path, names: Sequence[OtherName]) -> pd.DataFrame:
+    numeric = {*NUMERIC_COLUMNS, *(name.theirs for name in names)}
+    readers: dict[str, Callable[[Path], pd.DataFrame]] = {
+        ".csv": lambda file: read_csv(file, numeric), ".parquet": pd.read_parquet,
+    }  # fmt: skip
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise DatasetError(f"{path}: the name ends in {path.suffix!r}; allowed are .csv and .parquet")
@@ -87,42 +95,11 @@ def _read(path: Path) -> pd.DataFrame:
         raise DatasetError(f"{path}: no such file")
     try:
         return readers[suffix](path)
-    except DatasetError:
-        raise
+    except CsvError as error:
+        raise DatasetError(f"{path}: {error}") from error
     except (ValueError, OSError, csv.Error, pyarrow.ArrowException) as error:
         said = " ".join(str(error).split())[:200]
         raise DatasetError(f"{path}: cannot be read as {suffix[1:]}: {said}") from error
-
-
-def _read_csv(path: Path) -> pd.DataFrame:
-    """All values as text, so that what does not parse can be shown; an empty value is missing."""
-    text = path.read_text(encoding="utf-8-sig")
-    lines = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True)
-    header = [name.strip() for name in next(lines, [])]
-    if len(header) == 1 and ";" in header[0]:
-        raise DatasetError(f"{path}: columns are separated by ';'; allowed is ',' with '.' as decimal sign")
-    rows = []
-    for values in lines:
-        if len(values) > len(header):
-            raise DatasetError(
-                f"{path}: line {lines.line_num} has {len(values)} values for {len(header)} columns; "
-                "columns are separated by ',' and the decimal sign is '.'"
-            )
-        if values:
-            rows.append([value.strip() or None for value in values] + [None] * (len(header) - len(values)))
-    frame = pd.DataFrame(rows, columns=header, dtype=object)
-    for column in header:
-        if column not in NUMERIC_COLUMNS and header.count(column) == 1:
-            frame[column] = _inferred(frame[column])
-    return frame
-
-
-def _inferred(column: pd.Series) -> pd.Series:
-    """A column as numbers or truth values where all of it is that, else as it is."""
-    if column.isin(["True", "False", "true", "false"]).all():
-        return column.str.lower() == "true"
-    numbers = pd.to_numeric(column, errors="coerce")
-    return numbers if numbers.notna().equals(column.notna()) else column
 
 
 def _check_columns(raw: pd.DataFrame, name: str) -> None:

@@ -19,6 +19,7 @@ from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_u
 from bench.store.tables import CHOICE, CHOSEN
 from bench.table_file import file_hash, write_table
 from models.dataset import DatasetError, load_measurements
+from models.other_names import OtherName, OtherNameError
 
 app = typer.Typer()
 
@@ -155,21 +156,36 @@ def export(
 def import_(
     file: Annotated[Path, typer.Argument(metavar="FILE.csv", help="a measurement table (.csv or .parquet)")],
     name: Annotated[str | None, typer.Option(help="of the campaign; else the file's name")] = None,
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--column",
+            metavar="OURS=THEIRS[*FACTOR]",
+            help="a column under another name or in another unit: P1_W='Pin (kW)*1000'; may be repeated",
+        ),
+    ] = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="the rows come from a virtual lab")] = False,
     db: Database = None,
 ) -> None:
     """Make a campaign of somebody else's measurements."""
-    measured = read_measurements(file)
+    measured = read_measurements(file, _other_names(columns or []))
     provenance = Provenance(config={"imported_from": file.name}, config_hash=file_hash(file), virtual=virtual)
     with Store(database_url(db)) as store:
         campaign_id = store.import_table(name or file.stem, measured, provenance)
     out.print(escape(f"campaign {campaign_id}: {len(measured)} rows imported from {file}"))
 
 
-def read_measurements(file: Path) -> pd.DataFrame:
+def _other_names(said: Sequence[str]) -> list[OtherName]:
+    try:
+        return [OtherName.parse(text) for text in said]
+    except OtherNameError as error:
+        raise InputError.of("command line", "--column", None, str(error)) from error
+
+
+def read_measurements(file: Path, names: Sequence[OtherName] = ()) -> pd.DataFrame:
     """The usable rows of a measurement table; says which rows and columns are not used."""
     try:
-        measured = load_measurements(file)
+        measured = load_measurements(file, names)
     except DatasetError as error:
         raise InputError.of(file, "measurement table", None, str(error).removeprefix(f"{file}: ")) from error
     for note in measured.notes:
