@@ -146,11 +146,11 @@ def run_sweep(sweep: Sweep, workers: Workers, watch: Watch) -> Swept:
     return _put_together(sweep, resumed)
 
 
-def solve_chunk(model: Model, columns: Columns, passed_on: Sequence[str] = ()) -> bytes:
+def solve_chunk(model: Model, columns: Columns, passed_on: Sequence[str] = (), processes: int = 1) -> bytes:
     """Simulated rows as the content of a Parquet file; runs wherever the workers are."""
     inputs = {name: values for name, values in columns.items() if name not in passed_on}
     kept = {name: columns[name] for name in passed_on}
-    solved = solve_rows(model, inputs)
+    solved = solve_rows(model, inputs, processes)
     table = pa.table({name: pa.array(values) for name, values in {**kept, **solved}.items()})
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
@@ -178,7 +178,7 @@ def _solved(sweep: Sweep, missing: list[int], workers: Workers) -> Iterator[tupl
     if workers.dask is not None:
         return on_dask(solve_chunk, tasks, workers)
     if workers.processes == 1 or len(missing) < 2:
-        return ((k, solve_chunk(*arguments)) for k, arguments in tasks)
+        return ((k, solve_chunk(*arguments, processes=workers.processes)) for k, arguments in tasks)
     return on_processes(solve_chunk, tasks, workers)
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sim.model import Model
 from sim.operating_points import Points
 from sim.parameters import Converter, ParameterError, leaves
+from sim.side_by_side import shared_out, side_by_side
 from sim.simulate import simulate
 from sim.stacking import FIXED
 
@@ -26,6 +27,7 @@ Columns = dict[str, NDArray[Any]]
 
 SET_POINT = ("D1", "D2", "P_set_W")
 CONDITIONS = ("V1_V", "V2_V", "voltage_ratio", "ambient_C")
+_WORTH = 1000  # rows that are worth a process
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,8 +91,21 @@ def check_inputs(converter: Converter, columns: Mapping[str, NDArray[Any]]) -> N
     _placed(converter, columns)
 
 
-def solve_rows(model: Model, columns: Mapping[str, NDArray[Any]]) -> Columns:
-    """The simulation table of rows with their inputs before it; ParameterError for what cannot be an input."""
+def solve_rows(model: Model, columns: Mapping[str, NDArray[Any]], processes: int = 1) -> Columns:
+    """The simulation table of rows with their inputs before it; ParameterError for what cannot be an input.
+
+    Many rows are shared out to ``processes``, this one and forks of it.
+    """
+    size = columns["D1"].size
+    parts = shared_out(size, max(1, min(processes, size // _WORTH)))
+    if len(parts) == 1:
+        return _solved(model, columns)
+    solved = side_by_side(lambda rows: _solved(model, {k: v[rows] for k, v in columns.items()}), parts)
+    order = np.argsort(np.concatenate(parts))
+    return {name: np.concatenate([part[name] for part in solved])[order] for name in solved[0]}
+
+
+def _solved(model: Model, columns: Mapping[str, NDArray[Any]]) -> Columns:
     converter, points = _placed(model.converter, columns)
     result = simulate(replace(model, converter=converter), points).columns()
     inputs = {name: values for name, values in columns.items() if name not in result}

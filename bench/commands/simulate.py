@@ -40,7 +40,7 @@ def simulate_(
     model_file: Annotated[
         Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")
     ] = None,
-    processes: Annotated[int, typer.Option(min=1, help="side by side, where there is more than one chunk")] = 2,
+    processes: Annotated[int, typer.Option(min=1, help="side by side: chunks, or the halves of a single one")] = 2,
     dask: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help=f"a Dask scheduler instead, or '{LOCAL}' for a cluster on this machine"),
