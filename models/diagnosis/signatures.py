@@ -140,7 +140,10 @@ def signatures(
     everyday = {
         s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry, spreads)
     }
-    everyday |= _instrument_spreads(observations, baseline.converter) | {"measured V1": V1, "measured V2": V2}
+    everyday |= _instrument_spreads(observations, baseline.converter, per_watt) | {
+        "measured V1": V1,
+        "measured V2": V2,
+    }
     return Signatures(
         baseline=base,
         effects=effects,
@@ -227,11 +230,14 @@ def _inputs(
     return (V1, V2), np.where(follows & ~folded, 0.0, np.abs(P2)), np.nan_to_num(per_watt)
 
 
-def _instrument_spreads(observations: Observations, converter: Converter) -> dict[str, Array]:
+def _instrument_spreads(
+    observations: Observations, converter: Converter, per_watt: Array
+) -> dict[str, Array]:
     """One-sigma directions of what instruments inside their specification may be off by, (M,) by name.
 
     Gains of the dc ports and the input's offset are the tolerances of the effects of that name. Beside them the
-    output is good to 0.05 % of range, and an ac power to 0.3 % of reading and 0.2 % of range; a uniform error of
+    output is good to 0.05 % of range and of reading, which every prediction at the measured P2 follows by ``per_watt``
+    (M,), and an ac power to 0.3 % of reading and 0.2 % of range; a uniform error of
     that width has a sigma of width over root three. A temperature sensor is taken as good to half a kelvin,
     and shows some of the row before.
     Assumption: the power range in use is three quarters of the rated power, as overrange allows.
@@ -241,7 +247,8 @@ def _instrument_spreads(observations: Observations, converter: Converter) -> dic
     dc, ac = 5e-4 / _ROOT_3, 3e-3 / _ROOT_3
     offset_W, ac_offset_W = dc * range_W, 2e-3 / _ROOT_3 * range_W
     table = {
-        "analyzer port 2 offset": np.where(efficiency & (power > 0), offset_W, 0.0),
+        "analyzer port 2 offset": offset_W * per_watt,
+        "analyzer port 2 gain": np.where(efficiency, 0.0, dc * power * per_watt),  # there it is analyzer_gain
         "ac current gain": np.where(observations.of("I_L_rms_A"), ac * np.abs(observations.value), 0.0),
     }
     for link in ("P_link1_W", "P_link2_W"):
