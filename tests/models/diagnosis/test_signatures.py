@@ -69,6 +69,12 @@ def test_a_slope_predicts_another_small_step(
     np.testing.assert_allclose(said, moved, atol=0.05 * np.max(np.abs(moved)))
 
 
+def test_an_offset_of_the_output_power_moves_what_is_predicted_at_it(known: Signatures) -> None:
+    offset = known.spreads[known.spread_names.index("analyzer port 2 offset")]
+    sigma_W = 5e-4 / 3**0.5 * 0.75 * prototype().rated_power_W  # of the range in use, uniform
+    np.testing.assert_allclose(offset, sigma_W * known.per_watt, rtol=1e-12)  # rounding
+
+
 def test_a_threshold_that_no_reading_crosses_is_no_candidate(
     observations: Observations, known: Signatures
 ) -> None:
