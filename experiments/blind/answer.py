@@ -71,10 +71,11 @@ class Answer:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The causes that are named: the first of a verdict ``named``, and whatever else is as sure."""
+        """The causes that are named: the first of a verdict ``named``, and whatever else is as sure and in no group."""
         if self.verdict not in ("named", "group"):
             return ()
-        sure = tuple(cause.effect for cause in self.causes if cause.probability >= SURE)
+        tied = {name for group in self.groups for name in group}
+        sure = tuple(c.effect for c in self.causes if c.probability >= SURE and c.effect not in tied)
         return sure if sure or self.verdict == "group" else (self.causes[0].effect,)
 
     @property

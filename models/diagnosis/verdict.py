@@ -1,8 +1,9 @@
 """From probabilities to a verdict that an engineer can act on.
 
 ``consistent``: that nothing is wrong cannot be excluded. ``named``: each stated cause has 95 % of all probability,
-alone or with others, with or without a leftover beside it. ``group``: causes that this design cannot tell apart
-have it together. ``unknown``: the residuals need a leftover more than any cause, or nothing above reaches 95 %.
+alone or with others, with or without a leftover beside it, and nothing that this design cannot tell from it has one
+per cent. ``group``: causes that this design cannot tell apart have it together. ``unknown``: the residuals need a
+leftover more than any cause, or nothing above reaches 95 %.
 """
 
 from collections.abc import Collection, Sequence
@@ -27,6 +28,9 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
 _LIKELY = 0.5  # probability from which a threshold that is no cause has to be reckoned with
 _FAINT = 11.0  # sigmas of a leftover that the model's own shortcomings have on any bench
+_POSSIBLE = (
+    0.01  # probability from which a cause that the design does not tell from a sure one is stated beside it
+)
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
@@ -54,7 +58,7 @@ class Cause:
 class Verdict:
     """``kind`` is consistent, named, group or unknown; causes by probability; the tied groups.
 
-    ``stated`` are the effects that the verdict stands for: the named ones, or the first of a group.
+    ``stated`` are the effects that the verdict stands for: the named ones, or the first of each group.
     ``unknown_probability`` is that of a leftover which is more than the model's own shortcomings.
     """
 
@@ -116,15 +120,24 @@ def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float
     return sum(h.probability for h in hypotheses if not set(effects).isdisjoint(h.fit.effects))
 
 
+def _instead(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> float:
+    """Probability of a cause where none of a group is there."""
+    return sum(
+        h.probability
+        for h in hypotheses
+        if other.effect in h.fit.effects and set(group).isdisjoint(h.fit.effects)
+    )
+
+
 def _tie_group(
     first: Cause, rivals: Sequence[Cause], hypotheses: Sequence[Hypothesis], whitener: Whitener
 ) -> tuple[str, ...]:
-    """A cause and the rivals that the design cannot tell from it, until one of them is there with 95 %."""
+    """A cause and the rivals that the design cannot tell from it, each that is possible; none below 95 % together."""
     group = [first.effect]
     for other in rivals:
-        if _any_of(hypotheses, group) >= SURE or other.probability < _WORTH_A_WORD:
-            break
-        if isolability(first.shift, other.shift, whitener) < _TIED_BELOW:
+        least = _POSSIBLE if _any_of(hypotheses, group) >= SURE else _WORTH_A_WORD
+        tied = isolability(first.shift, other.shift, whitener) < _TIED_BELOW
+        if tied and _instead(hypotheses, other, group) >= least:
             group.append(other.effect)
     return tuple(group) if _any_of(hypotheses, group) >= SURE else ()
 
@@ -150,27 +163,42 @@ def judge(
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
     least = max(leftover, _caught(hypotheses))
     large = [c for c in causes if c.term.significance >= least * _above(c.term)]
-    named = tuple(c.effect for c in large if c.probability >= SURE)
-    rest = [c for c in large if c.effect not in named]
-    # while nothing can be wrong at all, everything would be in a group
-    group = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and ordinary < 1 - SURE else ()
-    if named or group:
+    groups = _groups(large, hypotheses, whitener, excluded=ordinary < 1 - SURE)
+    sure = {c.effect for c in large if c.probability >= SURE}
+    named = tuple(group[0] for group in groups if len(group) == 1 and group[0] in sure)
+    if groups:
         kind = "named" if named else "group"
     elif ordinary >= 1 - SURE and ordinary >= nameless and misfit <= _UNEXPLAINED:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"
-    tied = group if kind in ("named", "group") and len(group) > 1 else ()
+    tied = tuple(group for group in groups if len(group) > 1)
     return Verdict(
         kind=kind,
         causes=tuple(_with_ties(c, tied) for c in causes if c.probability >= _WORTH_A_WORD),
-        groups=(tied,) if tied else (),
-        stated={"named": named, "group": group[:1]}.get(kind, ()),
+        groups=tied,
+        stated=named or tuple(group[0] for group in groups),
         consistent_probability=nothing,
         unknown_probability=1.0 if misfit > _UNEXPLAINED else beyond,
     )
 
 
-def _with_ties(cause: Cause, tied: tuple[str, ...]) -> Cause:
-    with_it = tuple(name for name in tied if name != cause.effect) if cause.effect in tied else ()
-    return Cause(effect=cause.effect, fit=cause.fit, probability=cause.probability, tied_with=with_it)
+def _groups(
+    large: Sequence[Cause], hypotheses: Sequence[Hypothesis], whitener: Whitener, *, excluded: bool
+) -> list[tuple[str, ...]]:
+    """What is stated: each sure cause with all that could be there instead, and what has 95 % only together.
+
+    While it is not ``excluded`` that nothing is wrong, everything would be in a group.
+    """
+    sure = [c for c in large if c.probability >= SURE]
+    rest = [c for c in large if c.probability < SURE]
+    groups = [_tie_group(c, rest, hypotheses, whitener) for c in sure]
+    taken = {name for group in groups for name in group}
+    rest = [c for c in rest if c.effect not in taken]
+    together = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and excluded else ()
+    return [*groups, together] if together else groups
+
+
+def _with_ties(cause: Cause, groups: Sequence[tuple[str, ...]]) -> Cause:
+    tied = tuple(dict.fromkeys(n for g in groups if cause.effect in g for n in g if n != cause.effect))
+    return Cause(effect=cause.effect, fit=cause.fit, probability=cause.probability, tied_with=tied)

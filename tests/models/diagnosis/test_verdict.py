@@ -78,6 +78,19 @@ def test_tied_causes_make_a_group() -> None:
     assert verdict.causes[0].tied_with == ("analyzer_offset",)
 
 
+@pytest.mark.parametrize(("instead", "kind"), [(0.02, "group"), (0.005, "named")])
+def test_a_sure_cause_is_stated_with_what_could_be_there_instead(instead: float, kind: str) -> None:
+    verdict = judged(("auxiliary_power", ALONG, 0.0, 1 - instead), ("analyzer_offset", ALONG, 0.0, instead))
+    assert (verdict.kind, verdict.stated) == (kind, ("auxiliary_power",))
+
+
+def test_what_is_there_beside_a_sure_cause_is_not_there_instead() -> None:
+    verdict = judged(
+        ("auxiliary_power + analyzer_offset", ALONG, 0.0, 0.1), ("auxiliary_power", ALONG, 0.0, 0.9)
+    )
+    assert (verdict.kind, verdict.groups) == ("named", ())
+
+
 def test_causes_that_can_be_told_apart_are_no_group() -> None:
     verdict = judged(("auxiliary_power", ALONG, 0.0, 0.6), ("gate_delay_skew", ACROSS, 0.0, 0.38),
                      (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
