@@ -137,14 +137,20 @@ def probable_causes(diagnosis: Mapping[str, Any], least: float) -> list[Mapping[
 
 
 def verdict_text(diagnosis: Mapping[str, Any]) -> str:
-    """The verdict as one headline."""
+    """The verdict as one headline.
+
+    >>> verdict_text({"verdict": "group", "groups": [["fan_step", "auxiliary_power"]]})
+    'fan step or auxiliary power: these data cannot tell which'
+    """
     verdict = str(diagnosis.get("verdict", "unknown"))
     causes = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.5)]
-    if verdict == "named" and causes:
-        return f"Cause named: {join([effect_name(name) for name in causes])}"
+    groups = diagnosis.get("groups") or ()
+    named = [name for name in causes if not any(name in group for group in groups)]
+    if verdict == "named" and named:
+        return f"Cause named: {join([effect_name(name) for name in named])}"
     if verdict == "group":
-        tied = next(iter(diagnosis.get("groups") or [causes]), causes)
-        return f"{join([effect_name(n) for n in tied], 'or')}: these data cannot tell which"
+        tied = [join([effect_name(name) for name in group], "or") for group in groups or (causes,)]
+        return f"{', and '.join(tied)}: these data cannot tell which"
     sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
     if verdict == "unknown" and sure:
         return f"More is wrong than {join([effect_name(name) for name in sure])} explains, and no known cause is it"
