@@ -4,6 +4,7 @@ Edges closer than a dead time meet: their legs swing in one circuit and are solv
 the current where the first of them opens. All is seen in the frame in which that leg's square wave rises.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _SECONDARY = np.array([False, False, True, True])
+_FEW = 200  # pairs that cost no more as larger groups
 _NUDGE_A, _NUDGE = 1e-6, 1e-7  # in current and in Th, to see what legs that meet make of it
 
 
@@ -90,12 +92,26 @@ class _Groups:
             size[:, some] = np.sum(first[None, :, some] == np.arange(4)[:, None, None], axis=1)
         return cls(order=order, first=first, behind=behind, size=size)
 
-    def legs(self, count: int) -> tuple[Index, Index]:
-        """Legs (count, K) of the groups of so many, the first to open first, and their points (K,)."""
-        lead, points = np.nonzero(self.size == count)
+    def legs(self, least: int, most: int) -> tuple[Index, Index, NDArray[np.bool_]]:
+        """Legs (most, K) of the groups of so many, the first to open first, their points (K,), and which there are.
+
+        Where a group has fewer legs its first one stands for those that are missing.
+        """
+        lead, points = np.nonzero((self.size >= least) & (self.size <= most))
+        count = np.arange(most)[:, None]
+        there = count < self.size[lead, points]
         place = np.argmax(self.order[:, points] == lead, axis=0)
-        rank = (place + np.arange(count)[:, None]) % 4
-        return self.order[rank, points], points
+        return self.order[(place + np.where(there, count, 0)) % 4, points], points, there
+
+    def batches(self) -> Iterator[tuple[int, int]]:
+        """Least and most legs of groups that are solved at once: many pairs by themselves, few with larger groups."""
+        yield 1, 1
+        pairs = np.count_nonzero(self.size == 2)
+        larger = int(np.max(self.size, initial=1))
+        if pairs > _FEW or larger <= 2:
+            yield 2, 2
+        if larger > 2:
+            yield (3 if pairs > _FEW else 2), larger
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,9 +127,9 @@ class _Moment:
 
 
 def commutations(
-    circuit: Circuit, edges: Array, flips: Array, steps: Steps, pieces: Pieces
-) -> tuple[Commutation, EdgeView]:
-    """The dead times of the four edges (4, N), given the orbit's flips and pieces."""
+    circuit: Circuit, edges: Array, flips: Array, steps: Steps, pieces: Pieces, *, sloped: bool
+) -> tuple[Commutation, EdgeView | None]:
+    """The dead times of the four edges (4, N), given the orbit's flips and pieces; how they move where ``sloped``."""
     place, parity = half_wave(edges)
     stretch = np.sum(steps.place[:, None] < place[None], axis=0)
     link, piece, slope = _current_at(pieces, stretch, place * circuit.half_period_s)
@@ -125,13 +141,24 @@ def commutations(
     groups = _Groups.of(place, circuit.dead_time_s / circuit.half_period_s)
     found, per_phase = Commutation.empty(*edges.shape), np.zeros_like(edges)
     curves = Curves.of(circuit.curves)
-    for count in range(1, 5):
-        legs, points = groups.legs(count)
+    for least, most in groups.batches():
+        legs, points, there = groups.legs(least, most)
         if points.size:
-            meeting = _meeting(circuit, edges, groups, moment, legs, points)
-            part, change = _solved(meeting, _SECONDARY[legs], curves, circuit.half_period_s[points])
+            meeting = _meeting(circuit, edges, groups, moment, (legs, points, there))
+            half_period_s = circuit.half_period_s[points] if sloped else None
+            part, change = _solved(meeting, _SECONDARY[legs], curves, half_period_s)
+            if not np.all(there):
+                leg, group = np.nonzero(there)
+                part, change, legs, points = (
+                    part.edge((leg, group)),
+                    change[leg, group],
+                    legs[leg, group],
+                    points[group],
+                )
             found.put((legs, points), part)
             per_phase[legs, points] = change
+    if not sloped:
+        return found, None
     first = groups.first
     sign, slope = (np.take_along_axis(x, first, axis=0) for x in (parity, slope * parity))
     per_phase += np.where(_SECONDARY[first], found.delay_per_A * slope * circuit.half_period_s, 0.0)
@@ -145,15 +172,20 @@ def commutations(
 
 
 def _meeting(
-    circuit: Circuit, edges: Array, groups: _Groups, moment: _Moment, legs: Index, points: Index
+    circuit: Circuit,
+    edges: Array,
+    groups: _Groups,
+    moment: _Moment,
+    members: tuple[Index, Index, NDArray[np.bool_]],
 ) -> Meeting:
-    """What drives groups of legs (m, K) at points (K,)."""
+    """What drives groups of legs (m, K) at points (K,); what only stands for a leg moves nothing."""
+    legs, points, there = members
     lead, secondary = legs[0], _SECONDARY[legs]
     V1, nV2, L, Lm = (
         x[points] for x in (circuit.V1_V, circuit.nV2_V, circuit.inductance_H, circuit.magnetizing_H)
     )
     apart = wrapped(edges[legs, points] - edges[lead, points])
-    rises = np.where(np.abs(apart) < 0.5, 1.0, -1.0)
+    rises = np.where(np.abs(apart) < 0.5, 1.0, -1.0) * there
     level = moment.level[:, lead, points]  # a copy: of the legs that move nothing stays
     np.put_along_axis(level, legs, 0.0, axis=0)
     vp, nvs = 0.5 * V1 * (level[0] + level[1]), 0.5 * nV2 * (level[2] + level[3])
@@ -197,15 +229,18 @@ def _drops(
 
 
 def _solved(
-    meeting: Meeting, secondary: NDArray[np.bool_], curves: Curves, half_period_s: Array
+    meeting: Meeting, secondary: NDArray[np.bool_], curves: Curves, half_period_s: Array | None
 ) -> tuple[Commutation, Array]:
     """The dead times (m, K) of groups, and how their delays in s move, per Th, as the bridges move apart.
+
+    Without Th (K,) nothing is asked about what moves.
 
     Legs that meet are solved three times at once: as they are, at another current, and, where they are of both
     bridges, with those later that do not belong to the first one's.
     """
-    if len(secondary) == 1:
-        return commutate(meeting, curves), np.zeros_like(meeting.current_A)
+    if half_period_s is None or len(secondary) == 1:
+        sloped = half_period_s is not None
+        return commutate(meeting, curves, sloped=sloped), np.zeros_like(meeting.current_A)
     apart = secondary != secondary[0]
     size, mixed = half_period_s.size, np.flatnonzero(np.any(apart, axis=0))
     rows = np.concatenate([np.arange(size), np.arange(size), mixed])

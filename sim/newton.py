@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 _NEWTON = 14
 _FURTHEST = 0.08  # Th that a phase may move in a step
 _LEAST_W = 10.0  # scale of the tolerance for small powers
+_LOST = 4  # steps in a row that came no nearer: a point whose power is out of reach, or one for a bracket
 _ROOMY = 0.6  # of the points in work: with fewer left they move to arrays of their own
 
 
@@ -77,6 +78,7 @@ class _Response:
                 there[k, k] = after[k - 1]
             power[: k + 1] += there[k, : k + 1] * share[k]
         view = sweep.view
+        assert view is not None
         within = np.take_along_axis(passed.reshape(5 * each, -1), view.piece, axis=0)
         at_edges = np.take_along_axis(there, view.stretch[:, None], axis=0) * within[:, None]
         order = np.concatenate([np.zeros_like(steps.rank[:1]), steps.rank + 1])
@@ -90,6 +92,7 @@ class _Response:
 def jacobian(circuit: Circuit, sweep: Sweep, *, regulated: bool) -> Array:
     """Derivatives of gap, delays and power (rows) to the state, shape (6, 6, N)."""
     steps, view, Th = sweep.steps, sweep.view, circuit.half_period_s
+    assert view is not None
     matrix, response = np.zeros((6, 6, Th.size)), _Response.of(circuit, sweep)
     matrix[0, :5] = response.at_end
     matrix[0, 0] += 1.0
@@ -112,7 +115,11 @@ def jacobian(circuit: Circuit, sweep: Sweep, *, regulated: bool) -> Array:
 
 @dataclass(slots=True, kw_only=True)
 class _Work:
-    """Points in work: their numbers, circuit, edges, demand, states, and how far each step is trusted."""
+    """Points in work: their numbers, circuit, edges, demand, states, and how far each step is trusted.
+
+    ``last`` and ``best`` are measures of what a sweep missed, ``off`` (6, N) is that itself; ``idle`` counts the steps
+    since it became less.
+    """
 
     rows: NDArray[np.intp]
     circuit: Circuit
@@ -121,7 +128,10 @@ class _Work:
     accuracy: Accuracy
     state: Array
     trust: Array
-    worst: Array
+    last: Array
+    best: Array
+    idle: Array
+    off: Array
     done: NDArray[np.bool_]
 
     @classmethod
@@ -132,21 +142,26 @@ class _Work:
         size = state.shape[1]
         return cls(
             rows=np.arange(size), circuit=circuit, edges=edges, demand=demand, accuracy=accuracy, state=state.copy(),
-            trust=np.ones(size), worst=np.full(size, np.inf), done=np.zeros(size, dtype=bool),
+            trust=np.ones(size), last=np.full(size, np.inf), best=np.full(size, np.inf), idle=np.zeros(size),
+            off=np.zeros_like(state), done=np.zeros(size, dtype=bool),
         )  # fmt: skip
+
+    def busy(self) -> NDArray[np.bool_]:
+        """Points neither done nor lost; one without a demand is never lost."""
+        return ~self.done if self.demand is None else ~self.done & (self.idle < _LOST)
 
     def narrowed(self) -> "_Work":
         """What is left, in arrays of its own."""
-        left = np.flatnonzero(~self.done)
+        left = np.flatnonzero(self.busy())
         return _Work(
             rows=self.rows[left], circuit=self.circuit.take(left), edges=self.edges[:, left],
             demand=None if self.demand is None else self.demand.take(left), accuracy=self.accuracy,
-            state=self.state[:, left],
-            trust=self.trust[left], worst=self.worst[left], done=self.done[left],
+            state=self.state[:, left], trust=self.trust[left], last=self.last[left], best=self.best[left],
+            idle=self.idle[left], off=self.off[:, left], done=self.done[left],
         )  # fmt: skip
 
-    def step(self, sweep: Sweep) -> None:
-        """Judge a sweep and move the points that it does not satisfy."""
+    def judge(self, sweep: Sweep) -> None:
+        """Which points a sweep satisfies, and by what it misses the others."""
         circuit, demand = self.circuit, self.demand
         off = np.concatenate([sweep.gap_A[None], sweep.late, np.zeros((1, self.rows.size))])
         self.done = sweep.closes(self.state[0], self.accuracy)
@@ -157,10 +172,15 @@ class _Work:
             scale_W = np.maximum(np.abs(demand.power_W), _LEAST_W)
             self.done &= np.abs(off[5]) <= self.accuracy.power * scale_W
             size = size + np.abs(off[5]) / (unit_A * circuit.nV2_V)
+        self.trust = np.where(size > 0.7 * self.last, 0.5 * self.trust, np.minimum(2.0 * self.trust, 1.0))
+        self.idle = np.where(size > 0.7 * self.best, self.idle + 1.0, 0.0)
+        self.last, self.best, self.off = size, np.minimum(size, self.best), off
+
+    def move(self, sweep: Sweep) -> None:
+        """A step of the points that are not done."""
+        circuit, demand = self.circuit, self.demand
         matrix = np.moveaxis(jacobian(circuit, sweep, regulated=demand is not None), 2, 0)
-        change = -_solved(matrix, off.T).T
-        self.trust = np.where(size > 0.7 * self.worst, 0.5 * self.trust, np.minimum(2.0 * self.trust, 1.0))
-        self.worst = size
+        change = -_solved(matrix, self.off.T).T
         change *= np.where(self.done, 0.0, self.trust)
         ahead = self.state + change
         longest = circuit.dead_time_s / circuit.half_period_s
@@ -186,7 +206,8 @@ def step_once(
     """One step of Newton's rule: the state (6, N) ahead, the half period from ``state``, where that nearly meets it."""
     work = _Work.of(circuit, edges, state, demand, NEAR)
     sweep = Sweep.of(circuit, edges, state)
-    work.step(sweep)
+    work.judge(sweep)
+    work.move(sweep)
     return work.state, sweep.orbit(state, NEAR), work.done
 
 
@@ -206,15 +227,18 @@ def settle(
     """
     size, work = state.shape[1], _Work.of(circuit, edges, state, demand, accuracy)
     whole, met, orbit = state.copy(), np.zeros(size, dtype=bool), None
-    for _ in range(rounds):
-        at, sweep = work.state, Sweep.of(work.circuit, work.edges, work.state)
-        work.step(sweep)
-        whole[:, work.rows], met[work.rows] = at, work.done
-        part = sweep.orbit(at, accuracy)
+    for turn in range(rounds):
+        last = turn == rounds - 1
+        sweep = Sweep.of(work.circuit, work.edges, work.state, sloped=not last)
+        work.judge(sweep)
+        whole[:, work.rows], met[work.rows] = work.state, work.done
+        part = sweep.orbit(work.state, accuracy)
         orbit = part if orbit is None or work.rows.size == size else orbit.renewed(work.rows, part)
-        if np.all(work.done):
+        busy = np.count_nonzero(work.busy())
+        if last or not busy:
             break
-        if np.mean(work.done) > 1.0 - _ROOMY:
+        work.move(sweep)
+        if busy < _ROOMY * work.rows.size:
             work = work.narrowed()
     assert orbit is not None
     return whole, orbit, met

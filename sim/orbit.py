@@ -49,6 +49,11 @@ class Orbit:
         """Start current and delays at some points, enough to start from again."""
         return replace(self, start_A=self.start_A[chosen], delay=self.delay[:, chosen])
 
+    def among(self, size: int, rows: NDArray[np.intp]) -> "Orbit":
+        """This orbit as some points of so many; of the others nothing is known."""
+        whole: Orbit = _among(self, size, rows)
+        return whole
+
     def renewed(self, rows: NDArray[np.intp], part: "Orbit") -> "Orbit":
         """This orbit with some of its points taken from another one; its arrays are written to."""
         _put(self, rows, part)
@@ -61,6 +66,18 @@ class Orbit:
     def input_power_W(self) -> Array:
         """Mean of vp i over the half period: power out of the ideal primary bridge."""
         return _mean_power_W(self.pieces, self.pieces.vp_V)
+
+
+def _among(part: Any, size: int, rows: NDArray[np.intp]) -> Any:
+    changed: dict[str, Any] = {}
+    for field in fields(part):
+        own = getattr(part, field.name)
+        if is_dataclass(own):
+            changed[field.name] = _among(own, size, rows)
+        elif isinstance(own, np.ndarray):
+            changed[field.name] = np.zeros((*own.shape[:-1], size), dtype=own.dtype)
+            changed[field.name][..., rows] = own
+    return replace(part, **changed)
 
 
 def _put(whole: Any, rows: NDArray[np.intp], part: Any) -> None:
@@ -84,23 +101,27 @@ def bridge_power_W(pieces: Pieces) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """One half period and its dead times from a state (6, N): start current, delays, phase."""
+    """One half period and its dead times from a state (6, N): start current, delays, phase.
+
+    ``view``, what Newton's rule needs of the edges, is there where it was asked for.
+    """
 
     flips: Array
     steps: Steps
     pieces: Pieces
     commutation: Commutation
-    view: EdgeView
+    view: EdgeView | None
     gap_A: Array
     late: Array  # delays that the dead times make, less those assumed
 
     @classmethod
-    def of(cls, circuit: Circuit, edges: Array, state: Array) -> "Sweep":
+    def of(cls, circuit: Circuit, edges: Array, state: Array, *, sloped: bool = True) -> "Sweep":
+        """From a state; without ``sloped`` at half the cost where legs meet."""
         edges = edges + SHIFT * state[5]
         flips = edges + state[1:5]
         steps = Steps.of(circuit, flips)
         pieces = march(circuit, steps, state[0])
-        commutation, view = commutations(circuit, edges, flips, steps, pieces)
+        commutation, view = commutations(circuit, edges, flips, steps, pieces, sloped=sloped)
         return cls(
             flips=flips, steps=steps, pieces=pieces, commutation=commutation, view=view,
             gap_A=pieces.end_A[-1] + state[0],

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, half_period, periodic, settle, step_once
+from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, periodic, settle, step_once
 from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
@@ -126,19 +126,19 @@ def regulate(
         state, orbit, met = settle(circuit, edges, state, demand, accuracy=accuracy)
     else:
         met = np.zeros(way.size, dtype=bool)
-        state[:, asked], _, met[asked] = settle(
+        state[:, asked], part, met[asked] = settle(
             circuit.take(asked), edges[:, asked], state[:, asked], demand.take(asked), accuracy=accuracy
         )
+        orbit = part.among(way.size, asked)
     again = np.flatnonzero(~met)
     if again.size:
         search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again], accuracy)
         found = search.solve(way[again] * target_W[again])
         found_state, met[again], limit[again], most_W[again] = found
-        state[:, again], _, _ = settle(
+        state[:, again], part, _ = settle(
             circuit.take(again), edges[:, again], found_state, None, accuracy=accuracy, rounds=_POLISH
         )
-    if again.size or asked.size < way.size:
-        orbit, _ = half_period(circuit, edges, state, accuracy)
+        orbit = orbit.renewed(again, part)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
 
 

@@ -43,7 +43,7 @@ def half_period(
     circuit: Circuit, edges: Array, state: Array, accuracy: Accuracy = FINE
 ) -> tuple[Orbit, Array]:
     """The half period from a state (6, N), and by how much it does not close: current in A, delays in Th, (5, N)."""
-    sweep = Sweep.of(circuit, edges, state)
+    sweep = Sweep.of(circuit, edges, state, sloped=False)
     return sweep.orbit(state, accuracy), np.concatenate([sweep.gap_A[None], sweep.late])
 
 
@@ -71,7 +71,7 @@ def _anderson(circuit: Circuit, edges: Array, state: Array) -> Array:
     longest = circuit.dead_time_s / circuit.half_period_s
     now, history = state / unit, np.full((4, *state.shape), np.nan)  # last state and step, and those before
     for turn in range(_SWEEPS):
-        sweep = Sweep.of(circuit, edges, now * unit)
+        sweep = Sweep.of(circuit, edges, now * unit, sloped=False)
         done = sweep.closes(now[0] * unit[0], FINE)
         if np.all(done):
             break

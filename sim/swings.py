@@ -19,13 +19,14 @@ _STEPS = 8  # of a leg; legs that meet take those of each other as well
 _GRADE = 1.15  # finer at the start, where large currents swing nodes in nanoseconds
 _LOOKS = (0, 3, 5)  # steps before which legs whose node will not move any more are done with
 _FEW = 50  # groups that are not worth being told apart
+_NONE = 1e-9  # of the dead time: a step so short is none
 
 
-def commutate(meeting: Meeting, curves: Curves) -> Commutation:
-    """The dead times (m, K) of groups of legs; ``delay_per_A`` only of legs that are alone."""
+def commutate(meeting: Meeting, curves: Curves, *, sloped: bool = True) -> Commutation:
+    """The dead times (m, K) of groups of legs; ``delay_per_A`` only of legs that are alone, where it is asked for."""
     whole, rows = Commutation.empty(*meeting.current_A.shape), np.arange(meeting.current_A.shape[1])
     if len(meeting.current_A) == 1:
-        _integrate(_Alone.of(meeting), curves, whole, rows)
+        _integrate(_Alone.of(meeting, sloped=sloped), curves, whole, rows)
         return whole
     at_once = np.all(meeting.opens_s == 0.0, axis=0)  # their steps are the same: half as many
     if rows.size < _FEW or not np.any(at_once) or np.all(at_once):
@@ -82,11 +83,12 @@ class _Alone:
     bent: Array
     per_charge: Array
     meeting: Meeting
+    sloped: bool
 
     looks = _LOOKS
 
     @classmethod
-    def of(cls, meeting: Meeting) -> "_Alone":
+    def of(cls, meeting: Meeting, *, sloped: bool) -> "_Alone":
         x = meeting.current_A[0]
         rails = [[drop.at(np.full((1, x.size), rail)) for drop in meeting.drops] for rail in (-1.0, 1.0)]
         signed, plain = ([np.asarray(sum(each[part] for each in rail)) for rail in rails] for part in (0, 1))
@@ -97,13 +99,13 @@ class _Alone:
             base=meeting.outside_A_per_s[0] - 0.5 * (plain[1] + plain[0]),
             own=meeting.coupling_A_per_s[0, 0] - 0.5 * (plain[1] - plain[0]),
             signed=0.5 * (signed[1] + signed[0]), bent=0.5 * (signed[1] - signed[0]),
-            per_charge=meeting.per_charge()[0], meeting=meeting,
+            per_charge=meeting.per_charge()[0], meeting=meeting, sloped=sloped,
         )  # fmt: skip
 
     def take(self, chosen: Index) -> "_Alone":
         """Some of the legs."""
-        own = {name: value[chosen] for name, value in vars(self).items() if name != "meeting"}
-        return _Alone(meeting=self.meeting.take(chosen), **own)
+        own = {name: value[chosen] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return _Alone(meeting=self.meeting.take(chosen), sloped=self.sloped, **own)
 
     def slope(self, h: Array) -> tuple[Array, Array]:
         """dx/dt now, and what drops take of it on average through a time."""
@@ -124,7 +126,8 @@ class _Alone:
         now, then = self.per_charge * self.x, self.per_charge * (self.x + left_s * slope)
         at_end = self.q >= FULL
         stays = (at_end & (now > 0) & (then > 0)) | ((self.q <= 0.0) & (now < 0) & (then < 0))
-        carried = np.where(stays, 0.5 * (now + then) * left_s, 0.0)
+        passed = left_s * (0.5 * (now + then) + self.per_charge * self.meeting.eddy_s * slope)
+        carried = np.where(stays, passed, 0.0)
         self.opposite = self.opposite + np.maximum(carried, 0.0)
         self.over = self.over + carried
         self.reached = self.reached + np.where(stays & at_end, left_s, 0.0)
@@ -137,24 +140,26 @@ class _Alone:
         slope, taken = self.slope(h)
         lead, rate = 0.5 * h + self.meeting.eddy_s, self.per_charge * h
         moved = self.q + rate * (self.x + lead * slope)
-        dmoved = self.dq + rate * (self.dx + lead * (self.own * self.du))
         after = limited(moved, 0.0, FULL)
         beyond = moved - after
-        free = beyond == 0.0
         u, rise, integral = curves.at(self.meeting.curve[0], after)
-        du = np.where(free, rise * dmoved, 0.0)
-        mean, dmean = (
-            mean_position(u, integral - self.integral, after - self.q, moved - self.q),
-            0.5 * (self.du + du),
-        )
+        mean = mean_position(u, integral - self.integral, after - self.q, moved - self.q)
+        if self.sloped:
+            self._step_tangent(h, lead, rate, rise, beyond == 0.0)
         self.integral = integral
         self.x = self.x + h * (self.base + self.own * mean - taken)
-        self.dx = self.dx + h * (self.own * dmean)
         self.opposite = self.opposite + np.maximum(beyond, 0.0)
         self.over = self.over + beyond
         self.reached = self.reached + (0.5 + 0.5 * mean) * h
-        self.reached_per_A = self.reached_per_A + 0.5 * dmean * h
-        self.q, self.dq, self.u, self.du = after, np.where(free, dmoved, 0.0), u, du
+        self.q, self.u = after, u
+
+    def _step_tangent(self, h: Array, lead: Array, rate: Array, rise: Array, free: NDArray[np.bool_]) -> None:
+        """The same step of the derivatives; ``free`` tells where no rail ends it."""
+        self.dq = np.where(free, self.dq + rate * (self.dx + lead * (self.own * self.du)), 0.0)
+        du = rise * self.dq
+        change = 0.5 * h * (self.du + du)
+        self.dx, self.du = self.dx + self.own * change, du
+        self.reached_per_A = self.reached_per_A + 0.5 * change
 
     def outcome(self) -> Commutation:
         """The dead times (1, K), once they are over."""
@@ -174,12 +179,27 @@ class _Alone:
         return result.edge(np.newaxis)
 
 
+def _steps_of_all(meeting: Meeting) -> tuple[Array, Array]:
+    """Starts and lengths (S, K) of the graded steps of all legs of a group, in order, those of no length at the end."""
+    graded = _grid(_STEPS)[:, None, None] * meeting.dead_time_s + meeting.opens_s
+    nodes = np.sort(graded.reshape(-1, graded.shape[-1]), axis=0)
+    starts, steps = nodes[:-1], np.diff(nodes, axis=0)
+    used = steps > _NONE * meeting.dead_time_s
+    most = int(np.max(np.sum(used, axis=0)))
+    if most < len(steps):
+        order = np.argsort(~used, axis=0, kind="stable")[:most]
+        used = np.take_along_axis(used, order, axis=0)
+        starts = np.where(used, np.take_along_axis(starts, order, axis=0), nodes[-1])
+        steps = np.where(used, np.take_along_axis(steps, order, axis=0), 0.0)
+    return starts, steps
+
+
 @dataclass(kw_only=True)
 class _Together:
     """K groups of m legs that meet, half way through their dead times, arrays (m, K).
 
-    ``nodes_s`` (S + 1, K) are the graded steps of every leg, in order; ``integral`` is that of the curve so far;
-    ``opened_A`` and ``closed_A`` are x where the dead time begins and ends, ``last`` the position there.
+    ``starts_s`` and ``steps_s`` (S, K) are the graded steps of every leg, in order; ``integral`` is that of the curve
+    so far; ``opened_A`` and ``closed_A`` are x where the dead time begins and ends, ``last`` the position there.
     """
 
     x: Array
@@ -192,7 +212,8 @@ class _Together:
     opened_A: Array
     closed_A: Array
     last: Array
-    nodes_s: Array
+    starts_s: Array
+    steps_s: Array
     closes_s: Array
     per_charge: Array
     meeting: Meeting
@@ -201,23 +222,22 @@ class _Together:
     def of(cls, meeting: Meeting) -> "_Together":
         """Before the first of them opens."""
         x, zero = meeting.current_A, np.zeros_like(meeting.current_A)
-        opens_s = meeting.opens_s if np.any(meeting.opens_s) else meeting.opens_s[:1]
-        graded = _grid(_STEPS)[:, None, None] * meeting.dead_time_s + opens_s
+        starts_s, steps_s = _steps_of_all(meeting)
         return cls(
             x=x, q=zero, u=zero - 1.0, integral=zero, reached=zero, opposite=zero, over=zero,
-            opened_A=x, closed_A=x, last=x, nodes_s=np.sort(graded.reshape(-1, x.shape[1]), axis=0),
+            opened_A=x, closed_A=x, last=x, starts_s=starts_s, steps_s=steps_s,
             closes_s=meeting.opens_s + meeting.dead_time_s, per_charge=meeting.per_charge(), meeting=meeting,
         )  # fmt: skip
 
     def take(self, chosen: Index) -> "_Together":
         """Some of the groups."""
-        own = {name: value[:, chosen] for name, value in vars(self).items() if name != "meeting"}
+        own = {name: value[..., chosen] for name, value in vars(self).items() if name != "meeting"}
         return _Together(meeting=self.meeting.take(chosen), **own)
 
     @property
     def steps(self) -> int:
         """How many steps there are from the first leg that opens to the last one that closes."""
-        return len(self.nodes_s) - 1
+        return len(self.steps_s)
 
     @property
     def looks(self) -> tuple[int, ...]:
@@ -226,14 +246,16 @@ class _Together:
 
     def finish(self, k: int) -> NDArray[np.bool_]:
         """Carry on to the end groups whose legs are all at the new rail and held there; tells which."""
-        meeting, now_s = self.meeting, self.nodes_s[k]
+        meeting, now_s = self.meeting, self.starts_s[k]
         left_s = np.maximum(self.closes_s - now_s, 0.0)
-        driven = meeting.driven(self.u)
-        slope = driven - self._taken(np.max(left_s, axis=0), driven[0], self.u)
+        u = np.where(left_s == 0.0, 1.0, self.u)
+        driven = meeting.driven(u)
+        slope = driven - self._taken(np.max(left_s, axis=0), driven[0], u)
         now, then = self.per_charge * self.x, self.per_charge * (self.x + left_s * slope)
         held = (left_s == 0.0) | ((self.q >= FULL) & (now > 0) & (then > 0))
-        stays = np.all(held & (now_s >= meeting.opens_s), axis=0)
-        carried = np.where(stays, 0.5 * (now + then) * left_s, 0.0)
+        stays = np.all((held & (now_s >= meeting.opens_s)) | (self.per_charge == 0.0), axis=0)
+        passed = left_s * (0.5 * (now + then) + self.per_charge * meeting.eddy_s * slope)
+        carried = np.where(stays, passed, 0.0)
         self.opposite, self.over = self.opposite + carried, self.over + carried
         self.reached = self.reached + np.where(stays, left_s, 0.0)
         return np.asarray(stays)
@@ -246,27 +268,26 @@ class _Together:
         return np.asarray(plain + meeting.damping_per_s * i + signed * way)
 
     def step(self, curves: Curves, k: int) -> None:
-        """From one node to the next; in between no leg opens or closes."""
-        meeting, h = self.meeting, self.nodes_s[k + 1] - self.nodes_s[k]
-        middle = self.nodes_s[k] + 0.5 * h
+        """One step; in it no leg opens or closes."""
+        meeting, h = self.meeting, self.steps_s[k]
+        middle = self.starts_s[k] + 0.5 * h
         begun, done = middle > meeting.opens_s, middle > self.closes_s
         moving = begun & ~done
         q, u = np.where(done, FULL, self.q), np.where(done, 1.0, self.u)
         driven, own_h = meeting.driven(u), moving * h
         taken = self._taken(h, driven[0], u)
         moved = self.per_charge * own_h * (self.x + (0.5 * h + meeting.eddy_s) * (driven - taken))
-        after = limited(q + moved, 0.0, FULL)
+        ahead = q + moved
+        after = limited(ahead, 0.0, FULL)
         self.u, _, integral = curves.at(meeting.curve, after)
         mean = mean_position(self.u, np.where(done, 0.0, integral - self.integral), after - q, moved)
-        self.x = self.x + h * (meeting.driven(mean) - taken)
-        beyond = q + moved - after
+        beyond = ahead - after
         self.q, self.integral, self.over = after, integral, self.over + beyond
         self.opposite = self.opposite + np.maximum(beyond, 0.0)
         self.reached = self.reached + own_h * (0.5 + 0.5 * mean)
-        self.opened_A, self.closed_A = (
-            np.where(begun, self.opened_A, self.x),
-            np.where(moving, self.x, self.closed_A),
-        )
+        self.x = self.x + h * (meeting.driven(mean) - taken)
+        self.opened_A = np.where(begun, self.opened_A, self.x)
+        self.closed_A = np.where(moving, self.x, self.closed_A)
         self.last = np.where(moving, self.u, self.last)
 
     def outcome(self) -> Commutation:

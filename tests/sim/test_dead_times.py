@@ -24,7 +24,7 @@ def test_edges_a_dead_time_apart_are_alone() -> None:
 
 def test_edges_in_a_chain_are_one_group() -> None:
     found = groups(0.52, 0.1, 0.5, 0.51)
-    legs, points = found.legs(3)
+    legs, points, _ = found.legs(3, 3)
     assert legs[:, 0].tolist() == [2, 3, 0]
     assert points.tolist() == [0]
     assert found.behind[:, 0] == pytest.approx([0.02, 0.0, 0.0, 0.01])
@@ -34,7 +34,13 @@ def test_a_group_may_span_the_end_of_the_half_period() -> None:
     found = groups(0.004, 0.5, 0.995, 0.7)
     assert found.first[:, 0].tolist() == [2, 1, 2, 3]
     assert found.behind[0, 0] == pytest.approx(0.009)
-    assert found.legs(2)[0][:, 0].tolist() == [2, 0]
+    assert found.legs(2, 2)[0][:, 0].tolist() == [2, 0]
+
+
+def test_a_pair_among_larger_groups_says_which_of_its_legs_there_are() -> None:
+    legs, _, there = groups(0.5, 0.1, 0.51, 0.3).legs(2, 4)
+    assert legs[:, 0].tolist() == [0, 2, 0, 0]
+    assert there[:, 0].tolist() == [True, True, False, False]
 
 
 @pytest.mark.parametrize("gap", [DEAD, -DEAD, 0.0])
