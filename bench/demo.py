@@ -29,7 +29,6 @@ from drivers.mocks.lab.survey import noise_free_efficiency
 from drivers.mocks.plant import Plant
 from drivers.mocks.rack import Rack
 from models.accuracy import accuracy_of
-from models.calibrated import CALIBRATED
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import points_of
@@ -39,6 +38,7 @@ from models.optimise import OptimumTable, optimise
 from models.pso import PSO_SAVL, PSO_SAVL_POLISHED
 from models.splits import split_simulation
 from models.surrogate import (
+    CALIBRATED,
     D2EA,
     EXPERIMENT_ONLY,
     SIMULATION_ONLY,

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from bench.training import feasible_of
+from models.calibrated import Vouched
 from models.exhaustive import ensembles
 from models.feasibility import FeasibleMap
 from models.lattice import optimise_on_lattice
@@ -47,5 +48,6 @@ class BestModulation:
         return optimise_exactly(model, self.loads_W, self.mask)
 
     def table(self, model: EfficiencyModel, optimum: OptimumTable, half_width: float = float("nan")) -> Lut:
-        """The rows for a controller."""
-        return make_lut(optimum, Surroundings(model=model, simulator=self.simulator), half_width=half_width)
+        """The rows for a controller; a calibrated model says itself what lies between them."""
+        simulator = model.of.model if isinstance(model, Vouched) else self.simulator
+        return make_lut(optimum, Surroundings(model=model, simulator=simulator), half_width=half_width)

@@ -1,7 +1,8 @@
 """Automatic retraining: new measurements → candidate → judged on blocks that nobody saw → promoted or kept out.
 
-A candidate of each kind (D²EA; the simulator itself with trees for the gap) is fitted to the accepted rows outside
-the held-out blocks (:mod:`models.held_blocks`). Those inside judge: the better candidate against the model in use and
+A candidate of each kind (D²EA; the simulator itself with trees for the gap; calibrated physics, which a diagnosis of
+the rows makes of the simulator) is fitted to the accepted rows outside
+the held-out blocks (:mod:`models.held_blocks`). Those inside judge: the best candidate against the model in use and
 the simulation itself, on rows that the model in use was not fitted to either. It is promoted when its mean absolute
 error is not larger than theirs; what was judged is what is used, no refit follows. Either way the decision and its
 reason go into the journal.
@@ -9,7 +10,7 @@ reason go into the journal.
 Nothing here touches a bench: it reads the database beside a campaign, which never waits for it.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,29 +21,29 @@ import pandas as pd
 from bench.lut_file import LutOrigin, write_beside
 from bench.optimum import LOADS_W, BestModulation
 from bench.store import Store
-from bench.training import HALF_WIDTH, HELD_OUT, efficiency_of, simulated_table
-from bench.training_data import TrainingData, same_bench
+from bench.training import HALF_WIDTH, HELD_OUT, NotTrained, Say, Trainer, efficiency_of, simulated_table
+from bench.training_data import Places, TrainingData, same_bench
 from bench.wording import points_text
 from models.accuracy import accuracy_of, half_width
 from models.boosting import Floats
+from models.calibrated import vouched
 from models.feasibility import Bools
 from models.held_blocks import held_out
 from models.journal import Choice, Decision, Journal
 from models.lut import Lut
 from models.registry import ModelRecord, Origin, Registry, data_hash
 from models.surrogate import (
+    CALIBRATED,
     D2EA,
     SIMULATOR_FIRST,
     EfficiencyModel,
     SimulatorStage,
     StagedModel,
     inputs_of,
-    train_d2ea,
-    train_simulator_first,
 )
 from sim.model import Model
 
-KINDS = (D2EA, SIMULATOR_FIRST)
+KINDS = (D2EA, SIMULATOR_FIRST, CALIBRATED)
 LEAST_FITTED = 20  # rows; fewer say little about anything
 LEAST_JUDGED = 5  # rows that neither model saw
 SIMULATION = "simulation"
@@ -74,6 +75,7 @@ class Retrainer:
     kinds: tuple[str, ...] = KINDS  # of candidates; the best of them is judged against its rivals
     shape: tuple[int, int, int] = (25, 25, 20)  # of the simulated grid: D1, D2, power
     loads_W: tuple[float, ...] = LOADS_W  # of the table
+    say: Say = lambda said: None  # what it is at
 
     @property
     def journal(self) -> Journal:
@@ -96,18 +98,23 @@ class Retrainer:
             return Retraining(said="waiting: no accepted rows yet")
         held = held_out(data.rows)
         unseen = self._unseen(data, held)
-        sha = data_hash(data.rows, self.simulated)
+        sha = data_hash(data.table, self.simulated)
         if said := self._not_yet(int((~held).sum()), int(unseen.sum()), sha):
             return Retraining(said=said)
         judged = data.rows[unseen]
-        candidate, errors = self._best(data.rows[~held], judged)
+        candidates, missing = self._candidates(data, np.flatnonzero(~held))
+        if not candidates:
+            return Retraining(said=f"waiting: {'; '.join(missing)}")
+        candidate, errors, others = self._best(candidates, judged)
         record = self._keep(
             candidate, data, held, sha=sha, metrics=_metrics(candidate, judged, errors[CANDIDATE])
         )
-        decision = self._decide(record.id, sha, errors, len(judged))
+        decision = self._decide(record, errors, len(judged), aside=(*others, *missing))
         if decision.decision is not Choice.PROMOTED:
             return Retraining(said=said_of(decision), decision=self.journal.note(decision))
-        lut = self.search.table(candidate, self.search.exactly(candidate), record.metrics[HALF_WIDTH])
+        self.say(f"the best modulation of the {candidate.kind} model over load")
+        searched = vouched(candidate)
+        lut = self.search.table(searched, self.search.exactly(searched), record.metrics[HALF_WIDTH])
         files = write_beside(self.registry.root / record.id, lut, LutOrigin.of(record))
         noted = self.journal.note(decision)  # last: a model in use always has its table
         return Retraining(said=said_of(noted), decision=noted, lut=lut, files=files)
@@ -137,18 +144,27 @@ class Retrainer:
         seen = frozenset(self.registry.origin(used).fitted) if used else frozenset()
         return np.asarray(held & np.array([name not in seen for name in data.names]))
 
-    def _best(self, fitted: pd.DataFrame, judged: pd.DataFrame) -> tuple[StagedModel, dict[str, float]]:
-        """The candidate of the smallest error, and the errors of it and its rivals on the same rows."""
-        candidates = {kind: self._fit(kind, fitted) for kind in self.kinds}
-        errors = errors_on(judged, {**candidates, **self._rivals()})
-        best = min(candidates, key=lambda kind: errors[kind])
-        rivals = {name: error for name, error in errors.items() if name not in candidates}
-        return candidates[best], {CANDIDATE: errors[best], **rivals}
+    def _candidates(self, data: TrainingData, fitted: Places) -> tuple[dict[str, StagedModel], list[str]]:
+        """One of each kind, fitted to the same rows; of which kinds there is none, and why."""
+        trainer = Trainer(simulator=self.simulator, simulated=self.simulated, say=self.say)
+        candidates, missing = dict[str, StagedModel](), list[str]()
+        for kind in self.kinds:
+            self.say(f"training {kind} on {len(fitted)} rows")
+            try:
+                candidates[kind] = trainer.fit(kind, data, fitted)
+            except NotTrained as why:
+                missing.append(str(why))
+        return candidates, missing
 
-    def _fit(self, kind: str, measured: pd.DataFrame) -> StagedModel:
-        if kind == SIMULATOR_FIRST:
-            return train_simulator_first(efficiency_of(self.simulator), measured)
-        return train_d2ea(self.simulated, measured)
+    def _best(
+        self, candidates: Mapping[str, StagedModel], judged: pd.DataFrame
+    ) -> tuple[StagedModel, dict[str, float], list[str]]:
+        """The candidate of the smallest error, the errors of it and its rivals, and in words those of the others."""
+        errors = errors_on(judged, {**candidates, **self._rivals()})
+        best, *others = sorted(candidates, key=lambda kind: errors[kind])
+        rivals = {name: error for name, error in errors.items() if name not in candidates}
+        told = [f"{kind} {points_text(errors[kind])}" for kind in others]
+        return candidates[best], {CANDIDATE: errors[best], **rivals}, told
 
     def _rivals(self) -> dict[str, EfficiencyModel]:
         """The simulation itself, and the model in use where there is one."""
@@ -157,17 +173,20 @@ class Retrainer:
         used = self.journal.in_use()
         return rivals | ({used: self.registry.load(used, efficiency)} if used else {})
 
-    def _decide(self, model: str, sha: str, errors: Mapping[str, float], judged: int) -> Decision:
+    def _decide(
+        self, record: ModelRecord, errors: Mapping[str, float], judged: int, *, aside: Sequence[str] = ()
+    ) -> Decision:
+        """Promote a kept candidate or not; ``aside`` is what else there is to say of this round."""
         used = self.journal.in_use()
-        promoted, reason = self._verdict(model, errors, judged)
+        promoted, reason = self._verdict(record.id, errors, judged)
         return Decision(
             when=self.now(),
             decision=Choice.PROMOTED if promoted else Choice.KEPT_OUT,
-            model=model,
-            reason=reason,
+            model=record.id,
+            reason="; ".join([f"{record.kind}, {reason}", *aside]),
             replaced=used if promoted else None,
-            data_sha256=sha,
-            errors={model if name == CANDIDATE else name: error for name, error in errors.items()},
+            data_sha256=record.data_sha256,
+            errors={record.id if name == CANDIDATE else name: error for name, error in errors.items()},
         )
 
     def _verdict(self, model: str, errors: Mapping[str, float], judged: int) -> tuple[bool, str]:

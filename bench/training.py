@@ -2,20 +2,26 @@
 
 Each kind is judged on set points that it was not fitted to (40/20/40 % of the measured set points, 10 % of
 the feasible simulated ones, as in the paper), and is then fitted once more to all measured rows: that model
-is kept, and the held-out error with it.
+is kept, and the held-out error with it. Calibrated physics is what a diagnosis of the rows makes of the simulator; it
+takes the rows without load as well.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
+from bench.errors import BenchError
+from bench.training_data import Places, TrainingData
 from models.accuracy import Accuracy, accuracy, half_width
 from models.boosting import Floats
+from models.dataset import DatasetError, load_measurements
 from models.feasibility import Bools
 from models.registry import data_hash
 from models.splits import split_experiment, split_simulation
 from models.surrogate import (
+    CALIBRATED,
     D2EA,
     EXPERIMENT_ONLY,
     SIMULATION_ONLY,
@@ -30,10 +36,17 @@ from models.surrogate import (
 from sim.model import Model
 from sim.simulate import Points, can_run, grid, simulate
 
-KINDS = (SIMULATION_ONLY, EXPERIMENT_ONLY, D2EA, SIMULATOR_FIRST)
+KINDS = (SIMULATION_ONLY, EXPERIMENT_ONLY, D2EA, SIMULATOR_FIRST, CALIBRATED)
 HELD_OUT = "held_out_mean_abs_efficiency"  # metrics of a kept model
 HALF_WIDTH = "held_out_half_width95_efficiency"
 LEAST_ROWS = 10  # fewer leave no held-out part to speak of
+
+
+Say = Callable[[str], None]
+
+
+class NotTrained(BenchError):
+    """The measurements do not allow a model of this kind; says what is missing, or wrong with them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,25 +77,53 @@ def simulated_table(model: Model, shape: tuple[int, int, int] = (25, 25, 20)) ->
     return table[table["feasible"].astype(bool)].rename(columns={"P_set_W": "power_W"}).reset_index(drop=True)
 
 
-def train(kind: str, measured: pd.DataFrame, simulated: pd.DataFrame, model: Model, *, seed: int) -> Trained:
-    """Judge and fit one kind; ``measured`` holds loaded rows only."""
-    rows = split_experiment(measured, seed=seed)
-    chosen = simulated.iloc[split_simulation(simulated, seed=seed).train]
-    judged = _fit(kind, measured.iloc[rows.train], chosen, model)
-    unseen = measured.iloc[rows.validation]
-    return Trained(
-        model=_fit(kind, measured, chosen, model),
-        held_out=accuracy(judged, unseen),
-        half_width=half_width(judged.predict(*inputs_of(unseen)), unseen["efficiency"].to_numpy(dtype=float)),
-        data_sha256=data_hash(measured, chosen),
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trainer:
+    """Fits any kind of model to measurements; it knows the simulator, and the simulated rows that it learns from."""
+
+    simulator: Model
+    simulated: pd.DataFrame
+    say: Say = lambda said: None
+
+    def judged(self, kind: str, data: TrainingData, *, seed: int) -> Trained:
+        """A kind fitted to some rows and judged on others, then fitted to all; raises NotTrained."""
+        rows = split_experiment(data.rows, seed=seed)
+        judged = self.fit(kind, data, rows.train)
+        unseen = data.rows.iloc[rows.validation]
+        truth = unseen["efficiency"].to_numpy(dtype=float)
+        return Trained(
+            model=self.fit(kind, data, np.arange(len(data))),
+            held_out=accuracy(judged, unseen),
+            half_width=half_width(judged.predict(*inputs_of(unseen)), truth),
+            data_sha256=data_hash(data.table, self.simulated),
+        )
+
+    def fit(self, kind: str, data: TrainingData, chosen: Places) -> StagedModel:
+        """A kind fitted to some of the rows that carry power; raises NotTrained."""
+        measured = data.rows.iloc[chosen]
+        fits: dict[str, Callable[[], StagedModel]] = {
+            SIMULATION_ONLY: lambda: train_simulation_only(self.simulated),
+            EXPERIMENT_ONLY: lambda: train_experiment_only(measured),
+            D2EA: lambda: train_d2ea(self.simulated, measured),
+            SIMULATOR_FIRST: lambda: train_simulator_first(efficiency_of(self.simulator), measured),
+            CALIBRATED: lambda: self._calibrated(data.beside_idle(chosen)),
+        }
+        return fits[kind]()
+
+    def _calibrated(self, measured: pd.DataFrame) -> StagedModel:
+        from models.diagnosis.diagnose import TooFewPoints, diagnose  # here: it loads slowly
+        from models.diagnosis.plausibility import ImplausibleTable
+
+        def say(said: str) -> None:
+            self.say(f"{CALIBRATED}: {said}")
+
+        try:
+            found = diagnose(load_measurements(measured), self.simulator, progress=say)
+        except (DatasetError, ImplausibleTable, TooFewPoints) as error:
+            raise NotTrained(f"no {CALIBRATED} model: {error}") from error
+        return StagedModel(kind=CALIBRATED, stages=(found.calibrated,))
 
 
-def _fit(kind: str, measured: pd.DataFrame, simulated: pd.DataFrame, model: Model) -> StagedModel:
-    fits: dict[str, Callable[[], StagedModel]] = {
-        SIMULATION_ONLY: lambda: train_simulation_only(simulated),
-        EXPERIMENT_ONLY: lambda: train_experiment_only(measured),
-        D2EA: lambda: train_d2ea(simulated, measured),
-        SIMULATOR_FIRST: lambda: train_simulator_first(efficiency_of(model), measured),
-    }
-    return fits[kind]()
+def tenth_of(simulated: pd.DataFrame, *, seed: int) -> pd.DataFrame:
+    """The simulated rows that train, as in the paper."""
+    return simulated.iloc[split_simulation(simulated, seed=seed).train]

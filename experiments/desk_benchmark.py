@@ -107,7 +107,7 @@ def _retraining(settings: Settings, folder: Path) -> tuple[Table, Goal]:
         ("the grid, simulated once", simulate_s, simulate_cpu_s, f"{len(simulated)} of 12500 feasible"),
         ("D²EA, both stages", stages_s, stages_cpu_s, f"{len(data)} measured rows"),
         ("its optimum over 19 loads, and the table", optimum_s, optimum_cpu_s, "feasibility asked anew"),
-        ("a whole retraining: two kinds, judged, table if promoted", judged_s, judged_cpu_s, said),
+        ("a whole retraining: three kinds, judged, table if promoted", judged_s, judged_cpu_s, said),
     )
     wall_s = stages_s + optimum_s
     columns = ("step", "wall (s)", "processor (s)", "what")

@@ -18,8 +18,7 @@ from experiments.study.labs import ASSUMED, campaign_points, lab_numbers
 from experiments.study.learners import NAMES, SIMULATOR, SIMULATOR_GP
 from experiments.study.lessons import Errors, LessonTrial, lessons, mean_and_spread, of_kind, over_labs
 from experiments.study.pictures import COLOURS, dress, panels, picture, rotated
-from models.calibrated import CALIBRATED
-from models.surrogate import D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY, SIMULATOR_FIRST
+from models.surrogate import CALIBRATED, D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY, SIMULATOR_FIRST
 
 JOURNAL = "fig_13_accuracy"
 SEEDS, LEAST_SEEDS = 30, 2

@@ -15,8 +15,7 @@ from experiments.study.labs import ASSUMED, campaign_points, lab_numbers
 from experiments.study.learners import BEYOND, NAMES, PAPERS
 from experiments.study.lessons import Errors, LessonTrial, lessons, mean_and_spread
 from experiments.study.pictures import COLOURS, MARKERS, dress, panels, picture
-from models.calibrated import CALIBRATED
-from models.surrogate import D2EA, SIMULATOR_FIRST
+from models.surrogate import CALIBRATED, D2EA, SIMULATOR_FIRST
 
 RUNS = 36  # at least the paper's 30, as many in every lab
 SIZES = (40, 100, 200, 400)

@@ -16,7 +16,7 @@ from experiments.study.labs import ASSUMED, SUPPLY_V, laboratory
 from experiments.study.optima import Optimum, of_method, optima
 from experiments.study.pictures import COLOURS, dress, panels, picture
 from models.boosting import Floats
-from models.calibrated import CALIBRATED
+from models.surrogate import CALIBRATED
 from sim.model import Model
 from sim.simulate import Points, simulate
 

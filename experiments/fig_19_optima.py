@@ -12,8 +12,7 @@ from experiments.harness.settings import Settings
 from experiments.study.labs import ASSUMED
 from experiments.study.optima import METHODS, SAID, THE_LAB, Optimum, gain, of_method, optima
 from experiments.study.pictures import COLOURS, MARKERS, dress, legend, panels, picture
-from models.calibrated import CALIBRATED
-from models.surrogate import D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY
+from models.surrogate import CALIBRATED, D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY
 
 POINTS = 100.0
 PAPER = {SIMULATION_ONLY: 0.243, EXPERIMENT_ONLY: 0.236}

@@ -16,8 +16,7 @@ from experiments.study.on_bench import measured_on_bench
 from experiments.study.optima import SAID, Optimum, of_method, optima
 from experiments.study.pictures import COLOURS, MAP, colour_bar, dress, panels, picture
 from models.boosting import Floats
-from models.calibrated import CALIBRATED
-from models.surrogate import D2EA
+from models.surrogate import CALIBRATED, D2EA
 
 POINTS = 100.0
 LOADS_W = (600.0, 1000.0, 1600.0)

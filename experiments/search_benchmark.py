@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.training import feasible_of, simulated_table, train
+from bench.training import feasible_of, simulated_table, tenth_of
 from drivers.mocks.lab.laboratory import Laboratory
 from experiments.harness.lab_data import measured_table
 from experiments.harness.registry import Experiment
@@ -25,7 +25,7 @@ from models.exhaustive import exact_optimum
 from models.feasibility import FeasibleMap
 from models.optimise import LoadProblems
 from models.pso import OPTIMISERS, PSO_SAVL, PSO_SAVL_POLISHED
-from models.surrogate import D2EA, StagedModel
+from models.surrogate import StagedModel, train_d2ea
 from sim.model import Model
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ def _surrogate(model: Model, measured_points: int) -> StagedModel:
             Laboratory.draw(seed=SEED, hidden={"link_resistance": None}), measured_points, seed=SEED
         )
     )
-    return train(D2EA, measured.loaded(), simulated_table(model), model, seed=SEED).model
+    return train_d2ea(tenth_of(simulated_table(model), seed=SEED), measured.loaded())
 
 
 EXPERIMENT = Experiment(

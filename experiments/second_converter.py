@@ -24,7 +24,6 @@ from experiments.study.lessons import mean_and_spread
 from experiments.study.pictures import COLOURS, MARKERS, dress, legend, panels, picture
 from models.accuracy import accuracy_of
 from models.boosting import Floats
-from models.calibrated import CALIBRATED
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.feasibility import FeasibleMap
@@ -32,7 +31,7 @@ from models.lattice import optimise_on_lattice
 from models.optimise import OptimumTable, optimise
 from models.pso import PSO_SAVL
 from models.splits import split_experiment, split_simulation
-from models.surrogate import D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY, SIMULATOR_FIRST, train_d2ea
+from models.surrogate import CALIBRATED, D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY, SIMULATOR_FIRST, train_d2ea
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.operating_points import grid_of
@@ -174,7 +173,7 @@ def _chain(bench: Bench, hidden: str, grid: pd.DataFrame, count: int) -> Chain:
         D2EA: optimise(
             train_d2ea(chosen, fitted), loads_W, _mask(bench, loads_W), seed=1, optimiser=PSO_SAVL
         ),
-        CALIBRATED: optimise_on_lattice(diagnosis.calibrated, loads_W),
+        CALIBRATED: optimise_on_lattice(diagnosis.calibrated.vouched(), loads_W),
     }
     sps = np.stack([np.ones(loads_W.size), np.zeros(loads_W.size), loads_W], axis=1)
     read = {kind: bench.true(np.stack([o.D1, o.D2, o.power_W], axis=1)) for kind, o in optima.items()}

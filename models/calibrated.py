@@ -24,13 +24,13 @@ from models.diagnosis.covariance import kernel, length_scale
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.whitener import Whitener
+from models.surrogate import EfficiencyModel, StagedModel
 from sim.model import Model
 from sim.operating_points import Points
-from sim.simulate import can_run, simulate, simulate_many
+from sim.simulate import can_run, each_can_run, simulate, simulate_many
 
 Array = NDArray[np.float64]
 
-CALIBRATED = "calibrated"
 _IN_TIME = ("warm_up_drift", "ambient_drift")  # causes that go with time, by a law that is roughly known
 _DRIFT, _TIME_LENGTH = (
     6e-4,
@@ -39,6 +39,7 @@ _DRIFT, _TIME_LENGTH = (
 _SURE = 2.0  # standard deviations of the most that can be carried
 _COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
 _FINE = np.arange(0.95, 1.05, 5e-4)  # and of what was found
+_STRIDE = 15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,10 +131,16 @@ class CalibratedPhysics:
         return float(np.linalg.norm(most_W / nominal_W - 1))
 
     def _most_W(self, models: Sequence[Model], tried_W: Array) -> Array:
-        """The largest of the ascending powers tried that each model carries."""
+        """The largest of the ascending powers tried that each model carries: roughly, then among those near it."""
+        rough = self._last(models, tried_W[::_STRIDE]) * _STRIDE
+        near = tried_W[rough.min() : rough.max() + _STRIDE]
+        return np.asarray(near[self._last(models, near)])
+
+    def _last(self, models: Sequence[Model], tried_W: Array) -> NDArray[np.intp]:
+        """Which of the powers is the last that each model carries, the first where it carries none."""
         place = np.stack([np.ones_like(tried_W), np.zeros_like(tried_W), tried_W], axis=1)
-        points = self._points(place)
-        return np.array([tried_W[max(int(np.count_nonzero(can_run(m, points))) - 1, 0)] for m in models])
+        carried = np.count_nonzero(each_can_run(models, self._points(place)), axis=1)
+        return np.asarray(np.maximum(carried - 1, 0))
 
     def _now(self, place: Array, P1_W: Array) -> Array:
         """Points (K, 3) with the time, and the loss."""
@@ -164,6 +171,13 @@ class Vouched:
         runs = can_run(self.of.model, self.of._points(place))
         efficiency.ravel()[carried[~runs]] = np.nan
         return efficiency
+
+
+def vouched(model: EfficiencyModel) -> EfficiencyModel:
+    """A calibrated model within what it vouches for; any other as it is."""
+    if isinstance(model, StagedModel) and len(model.stages) == 1:
+        (model,) = model.stages
+    return model.vouched() if isinstance(model, CalibratedPhysics) else model
 
 
 def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:

@@ -5,10 +5,11 @@
     <root>/<id>/metadata.json     kind, data hash, settings, metrics, when, from whose data
     <root>/<id>/rows.json         the measured rows that it was fitted to, and those it was judged on
     <root>/<id>/stage_1.ubj       XGBoost's own format, one file per ensemble of trees
-    <root>/<id>/stage_1.json      its settings
+    <root>/<id>/stage_1.json      its settings; of calibrated physics all that there is (models/calibrated_file.py)
 
 The same data and settings give the same id, so training twice keeps one folder. A stage that is the
-simulator is not stored: whoever loads the model hands the simulator in. Which model is in use, and why, is in
+simulator is not stored: whoever loads the model hands the simulator in. Calibrated physics is the simulator with
+numbers of its own, and is stored with them and their hash. Which model is in use, and why, is in
 :mod:`models.journal`.
 """
 
@@ -24,7 +25,7 @@ from pathlib import Path
 import pandas as pd
 
 from models.boosting import BoostedTrees
-from models.surrogate import EfficiencyModel, Simulator, SimulatorStage, StagedModel
+from models.surrogate import CALIBRATED, EfficiencyModel, Simulator, SimulatorStage, StagedModel
 
 SCHEMA = 2
 _SIMULATOR = "simulator"
@@ -90,7 +91,7 @@ class Registry:
         origin = origin or Origin()
         identity = json.dumps([SCHEMA, model.kind, data_sha256, settings], sort_keys=True)
         record = ModelRecord(
-            id=hashlib.sha256(identity.encode()).hexdigest()[:12],
+            id=_hash(identity)[:12],
             kind=model.kind,
             created=created,
             data_sha256=data_sha256,
@@ -143,20 +144,15 @@ class Registry:
         record = self.show(id)
         stages: list[EfficiencyModel] = []
         for name, settings in record.settings.items():
-            if settings != _SIMULATOR:
-                stages.append(self._trees(self._folder(id) / f"{name}.ubj"))
+            if isinstance(settings, Mapping) and CALIBRATED in settings:
+                stages.append(_calibrated(self._folder(id) / f"{name}.json", settings[CALIBRATED]))
+            elif settings != _SIMULATOR:
+                stages.append(_trees(self._folder(id) / f"{name}.ubj"))
             elif simulator is not None:
                 stages.append(SimulatorStage(simulator))
             else:
                 raise RegistryError(f"model {id} has the simulator as {name}; hand it in to load the model")
         return StagedModel(kind=record.kind, stages=tuple(stages))
-
-    def _trees(self, path: Path) -> BoostedTrees:
-        try:
-            return BoostedTrees.load(path)
-        except (OSError, TypeError, ValueError) as error:  # XGBoost's own is a ValueError
-            said = str(error).splitlines()[0]
-            raise RegistryError(f"{path}: the trees of this model cannot be read ({said})") from error
 
     def _folder(self, id: str) -> Path:
         if not re.fullmatch(r"[0-9a-f]{12}", id):
@@ -171,6 +167,8 @@ class Registry:
             for name, stage in zip(record.settings, model.stages, strict=True):
                 if isinstance(stage, BoostedTrees):
                     stage.save(folder / f"{name}.ubj")
+                elif not isinstance(stage, SimulatorStage):
+                    (folder / f"{name}.json").write_text(_text(stage))
             metadata = {"schema": SCHEMA, **asdict(record)}
             (folder / "metadata.json").write_text(json.dumps(metadata, indent=2) + "\n")
             rows = {"fitted": origin.fitted, "held_out": origin.held_out}
@@ -185,4 +183,45 @@ def _settings(stage: EfficiencyModel) -> object:
         return asdict(stage.settings)
     if isinstance(stage, SimulatorStage):
         return _SIMULATOR
-    raise RegistryError(f"a stage of type {type(stage).__name__} cannot be kept; trees and the simulator can")
+    return {CALIBRATED: _hash(_text(stage))}
+
+
+def _text(stage: EfficiencyModel) -> str:
+    """Calibrated physics as the text of its file; RegistryError for a stage of another kind."""
+    from models.calibrated import CalibratedPhysics  # here: the simulator loads slowly
+    from models.calibrated_file import calibrated_text
+
+    if not isinstance(stage, CalibratedPhysics):
+        kept = "trees, the simulator and calibrated physics can"
+        raise RegistryError(f"a stage of type {type(stage).__name__} cannot be kept; {kept}")
+    return calibrated_text(stage)
+
+
+def _calibrated(path: Path, sha256: object) -> EfficiencyModel:
+    from models.calibrated_file import (
+        CalibratedFileError,
+        read_calibrated,
+    )  # here: the simulator loads slowly
+
+    try:
+        text = path.read_text(encoding="utf-8")
+        physics = read_calibrated(text)
+    except (OSError, UnicodeDecodeError, CalibratedFileError) as error:
+        raise RegistryError(
+            f"{path}: the calibrated physics of this model cannot be read ({error})"
+        ) from error
+    if _hash(text) != sha256:
+        raise RegistryError(f"{path}: was changed after it was written: its hash is not {sha256}")
+    return physics
+
+
+def _trees(path: Path) -> BoostedTrees:
+    try:
+        return BoostedTrees.load(path)
+    except (OSError, TypeError, ValueError) as error:  # XGBoost's own is a ValueError
+        said = str(error).splitlines()[0]
+        raise RegistryError(f"{path}: the trees of this model cannot be read ({said})") from error
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

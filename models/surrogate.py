@@ -7,7 +7,7 @@ D²EA adds two boosted ensembles (Section II-C, eqs. (1) to (5), Table III):
     η = y_sim + y_gap
 
 The same two-stage sum serves the variant whose first stage is the simulator itself instead of trees
-that imitate it. Simulation-only and experiment-only have one stage.
+that imitate it. Simulation-only, experiment-only and calibrated physics (:mod:`models.calibrated`) have one stage.
 """
 
 from collections.abc import Callable
@@ -24,6 +24,7 @@ SIMULATION_ONLY = "simulation_only"
 EXPERIMENT_ONLY = "experiment_only"
 D2EA = "d2ea"
 SIMULATOR_FIRST = "simulator_first_stage"
+CALIBRATED = "calibrated"
 
 Simulator = Callable[[Floats, Floats, Floats], Floats]
 """Efficiency (N,) of the simulator at D1, D2, power_W (N,); NaN where a point is infeasible."""

@@ -7,10 +7,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.converter_data import converter_to_plain
+from sim.converter_data import converter_from_plain, converter_to_plain
 from sim.effects.catalogue import effect
 from sim.operating_points import Points
-from sim.parameters import Converter
+from sim.parameters import Converter, ParameterError
 from sim.prototype import prototype
 
 Array = NDArray[np.float64]
@@ -34,6 +34,16 @@ class Model:
     def baseline(cls, modulation: str = "hybrid") -> Self:
         """The prototype with nothing added."""
         return cls(converter=replace(prototype(), modulation=modulation))
+
+    @classmethod
+    def from_plain(cls, data: Mapping[str, Any]) -> Self:
+        """What :meth:`as_plain` told; ParameterError or KeyError where it does not describe a model."""
+        described, modulation = data["converter"], data["modulation"]
+        if isinstance(described, str):
+            if described != prototype().name:
+                raise ParameterError(f"no converter is called {described!r}; allowed is {prototype().name!r}")
+            return cls(converter=replace(prototype(), modulation=modulation), effects=data["effects"])
+        return cls(converter=converter_from_plain(described, modulation), effects=data["effects"])
 
     def driven_by(self, modulation: str) -> Self:
         """This model under another modulation; ParameterError where its primary does not have it."""

@@ -27,7 +27,17 @@ from sim.piecewise import power_share
 from sim.stacking import pick, stack
 from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, station_of
 
-__all__ = ["PARTS", "Points", "Result", "can_run", "grid", "grid_of", "simulate", "simulate_many"]
+__all__ = [
+    "PARTS",
+    "Points",
+    "Result",
+    "can_run",
+    "each_can_run",
+    "grid",
+    "grid_of",
+    "simulate",
+    "simulate_many",
+]
 
 Array = NDArray[np.float64]
 
@@ -150,15 +160,20 @@ def can_run(models: Model | Sequence[Model], points: Points) -> NDArray[np.bool_
 
     Parts are taken 20 K above ambient; at the very limit of what D1 and D2 carry the two may differ.
     """
-    circuits, _ = _circuits([models] if isinstance(models, Model) else models, points)
-    runs = np.ones(len(points), dtype=bool)
+    return np.asarray(np.all(each_can_run([models] if isinstance(models, Model) else models, points), axis=0))
+
+
+def each_can_run(models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
+    """The same of N points with each of K models, (K, N)."""
+    circuits, slots = _circuits(models, points)
+    runs = np.empty((len(circuits), len(points)), dtype=bool)
     for chosen, converter, moved in _stacked(circuits):
         alone = _refused(converter, moved) == ""
         tried = np.flatnonzero(alone & np.asarray(moved.pwm, dtype=bool))
         if tried.size:
             alone[tried] = carries(pick(converter, tried), moved.take(tried))
-        runs &= np.all(alone.reshape(len(chosen), -1), axis=0)
-    return runs
+        runs[chosen] = alone.reshape(len(chosen), -1)
+    return runs[slots]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,15 +5,26 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from bench.commands.campaigns import read_measurements
 from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
-from bench.commands.streams import out, stamp
+from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.prediction import model_from
 from bench.store import Store, database_url
-from bench.training import HALF_WIDTH, HELD_OUT, KINDS, LEAST_ROWS, Trained, simulated_table, train
+from bench.training import (
+    HALF_WIDTH,
+    HELD_OUT,
+    KINDS,
+    LEAST_ROWS,
+    NotTrained,
+    Trained,
+    Trainer,
+    simulated_table,
+    tenth_of,
+)
 from bench.training_data import TrainingData
 from bench.wording import points_text
 from models.registry import ModelRecord, Origin, Registry
@@ -40,8 +51,13 @@ def train_(
     stamp(bool(measured.virtual))
     out.print(f"{len(measured)} measured and {len(simulated)} feasible simulated points")
     table = Table("model", "kind", "mean abs error", "worst", "points judged", box=None)
+    trainer = Trainer(simulator=simulator, simulated=tenth_of(simulated, seed=seed), say=_progress)
     for kind in KINDS:
-        trained = train(kind, measured.rows, simulated, simulator, seed=seed)
+        try:
+            trained = trainer.judged(kind, measured, seed=seed)
+        except NotTrained as why:
+            _progress(str(why))
+            continue
         record = _keep(trained, Registry(folder), measured, db)
         error = trained.held_out
         mean, worst = (f"{points_text(value)} points" for value in (error.mean_abs, error.worst_abs))
@@ -50,6 +66,10 @@ def train_(
     out.print(
         "errors are of efficiency, on measured set points that were not fitted; models kept use all rows"
     )
+
+
+def _progress(said: str) -> None:
+    err.print(escape(said))
 
 
 def _keep(trained: Trained, registry: Registry, measured: TrainingData, db: str | None) -> ModelRecord:

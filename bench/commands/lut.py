@@ -26,11 +26,12 @@ from bench.table_file import check_ending, write_table
 from bench.training import HALF_WIDTH, efficiency_of
 from bench.wording import per_cent, points_text
 from drivers.clock import WallClock
+from models.calibrated import vouched
 from models.journal import Journal
 from models.lut import Lut, edge_gap_of
 from models.optimise import OptimumTable
 from models.registry import ModelRecord, Registry, RegistryError
-from models.surrogate import D2EA
+from models.surrogate import CALIBRATED, D2EA
 
 app = typer.Typer()
 lut_app = typer.Typer(
@@ -41,12 +42,14 @@ app.add_typer(lut_app, name="lut")
 LutFile = Annotated[Path, typer.Argument(metavar="FILE", help="a table written by d2ea optimise")]
 BenchFile = Annotated[Path, typer.Option("--bench", metavar="BENCH.toml", help="the instruments")]
 Seed = Annotated[int, typer.Option(min=0, help="of the search")]
+SEARCHED = (CALIBRATED, D2EA)  # kinds that the best modulation is looked for on, the better one first
 
 
 @app.command()
 def optimise(
     model_id: Annotated[
-        str | None, typer.Option("--model", metavar="ID", help="else the one in use, else the newest d2ea")
+        str | None,
+        typer.Option("--model", metavar="ID", help="else the one in use, else the newest calibrated or d2ea"),
     ] = None,
     powers: Annotated[str, typer.Option(metavar="LOW:HIGH:STEP", help="output powers in W")] = "200:2000:100",
     out_file: Annotated[Path, typer.Option("--out", metavar="lut.csv|.h|.json")] = Path("lut.csv"),
@@ -58,7 +61,7 @@ def optimise(
     check_lut_ending(out_file)
     search = BestModulation(simulator=model_from(sim_model), loads_W=parse_powers(powers))
     record = chosen(Registry(folder), model_id)
-    model = Registry(folder).load(record.id, efficiency_of(search.simulator))
+    model = vouched(Registry(folder).load(record.id, efficiency_of(search.simulator)))
     optimum = search.best(model, seed)
     lut = search.table(model, optimum, record.metrics.get(HALF_WIDTH, math.nan))
     write_lut(lut, out_file, LutOrigin.of(record))
@@ -109,13 +112,14 @@ def parse_powers(text: str) -> list[float]:
 
 
 def chosen(registry: Registry, model_id: str | None) -> ModelRecord:
-    """The model asked for, else the one in use, else the newest D²EA."""
+    """The model asked for, else the one in use, else the newest of the kinds that are for searching."""
     if wanted := model_id or Journal(registry.root).in_use():
         return registry.show(wanted)
-    records = [record for record in registry.list() if record.kind == D2EA]
-    if not records:
-        raise RegistryError(f"no {D2EA} model in {registry.root}; d2ea train makes one")
-    return records[-1]
+    records = registry.list()
+    for kind in SEARCHED:
+        if of_kind := [record for record in records if record.kind == kind]:
+            return of_kind[-1]
+    raise RegistryError(f"no {' or '.join(SEARCHED)} model in {registry.root}; d2ea train makes them")
 
 
 @lut_app.command()

@@ -35,7 +35,7 @@ def retrain(
     every: Annotated[
         int, typer.Option(min=1, help="with --watch: accepted rows between two retrainings")
     ] = 25,
-    kind: Annotated[str, typer.Option(help=f"of model: {' or '.join(KINDS)}; else the better one")] = "",
+    kind: Annotated[str, typer.Option(help=f"of model: {', '.join(KINDS)}; else the best of them")] = "",
     diagnose: Annotated[
         bool, typer.Option("--diagnose/--no-diagnose", help="renew the diagnosis as well")
     ] = True,
@@ -50,7 +50,9 @@ def retrain(
     if kind and kind not in KINDS:
         raise InputError.of("command line", "--kind", kind, f"one of {', '.join(KINDS)}")
     kinds = (kind,) if kind else KINDS
-    retrainer = Retrainer(registry=Registry(folder), simulator=model_from(sim_model), now=now, kinds=kinds)
+    retrainer = Retrainer(
+        registry=Registry(folder), simulator=model_from(sim_model), now=now, kinds=kinds, say=_progress
+    )
     with Store(database_url(db)) as store:
         if not keep_watching:
             data = newest_data(store, campaign_id)
@@ -72,6 +74,10 @@ def retrain(
             for data, retraining in rounds:
                 _settle(store, data, retraining, diagnose)
         err.print("no longer watching")
+
+
+def _progress(said: str) -> None:
+    err.print(escape(said))
 
 
 def _settle(store: Store, data: TrainingData, retraining: Retraining, diagnose: bool) -> None:

@@ -36,6 +36,7 @@ from models.diagnosis.diagnose import diagnose
 from models.lattice import optimise_on_lattice
 from models.splits import split_simulation
 from models.surrogate import (
+    CALIBRATED,
     D2EA,
     EXPERIMENT_ONLY,
     SIMULATION_ONLY,
@@ -52,7 +53,6 @@ Array = NDArray[np.float64]
 LABS = 12
 SIZES = {40: 0.02, 400: 0.01}  # measured points, and the bar in points of efficiency
 REGRET_BAR = 0.01
-CALIBRATED = "calibrated"
 LOADS_W = np.arange(200.0, 2001.0, 100.0)
 _UNSEEN, _BOUND_AT = 300, 60
 _NOISE = 4.0  # times the lab's own: 1e-4 at each port, the mean of eight updates, is 0.005 % of efficiency

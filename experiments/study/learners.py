@@ -8,10 +8,10 @@ import pandas as pd
 
 from models.baselines import BASELINES, train_baseline
 from models.boosting import XGBOOST_II, BoostedTrees, Floats
-from models.calibrated import CALIBRATED
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import TooFewPoints, diagnose
 from models.surrogate import (
+    CALIBRATED,
     D2EA,
     EXPERIMENT_ONLY,
     SIMULATION_ONLY,

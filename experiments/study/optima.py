@@ -34,7 +34,7 @@ from experiments.study.labs import (
 )
 from experiments.study.lessons import training_rows
 from models.boosting import Floats
-from models.calibrated import CALIBRATED, CalibratedPhysics
+from models.calibrated import CalibratedPhysics
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 from models.exhaustive import ExactOptimum, exact_optimum
@@ -44,6 +44,7 @@ from models.optimise import LoadProblems, OptimumTable, optimise, optimise_exact
 from models.pso import PSO_SAVL
 from models.splits import split_experiment
 from models.surrogate import (
+    CALIBRATED,
     D2EA,
     EXPERIMENT_ONLY,
     SIMULATION_ONLY,
@@ -156,7 +157,9 @@ def find(trial: OptimumTrial) -> dict[str, Any]:
         for kind, model in staged.items()
     }
     tables[D2EA_EXACT] = optimise_exactly(staged[D2EA], loads, mask)
-    tables[CALIBRATED] = optimise_on_lattice(calibrated(trial.folder, trial.lab, trial.points), loads)
+    tables[CALIBRATED] = optimise_on_lattice(
+        calibrated(trial.folder, trial.lab, trial.points).vouched(), loads
+    )
     tables[THE_LAB] = optimise_on_lattice(LabItself(trial.lab), loads)
     return {method: measured(trial.lab, table) for method, table in tables.items()}
 

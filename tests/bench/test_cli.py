@@ -193,6 +193,29 @@ def test_train_then_list_then_optimise(
     assert all(0 <= row["D1"] <= 1 and 0 <= row["D2"] <= 1 for row in rows)
 
 
+def test_calibrated_physics_is_trained_kept_and_searched(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bench.commands.learn.KINDS", ("calibrated",))
+    assert d2ea("train", measured_table()) == 0
+    printed = capsys.readouterr()
+    assert "calibrated: weighing the causes" in printed.err
+    assert "calibrated" in printed.out
+    assert d2ea("optimise", "--powers", "400:600:200", "--out", "lut.json") == 0
+    assert "(calibrated), lattice, refined" in capsys.readouterr().out
+    assert [row["P_W"] for row in json.loads(Path("lut.json").read_text())["table"]] == [400.0, 600.0]
+
+
+def test_too_few_rows_to_calibrate_leave_the_other_kinds(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bench.commands.learn.KINDS", ("calibrated", "d2ea"))
+    assert d2ea("train", measured_table(rows=20)) == 0  # 8 of them to fit before judging
+    printed = capsys.readouterr()
+    assert "no calibrated model: 8 usable rows that carry power; a diagnosis needs at least 12" in printed.err
+    assert " d2ea " in printed.out
+
+
 def test_too_few_rows_to_train_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert d2ea("train", measured_table(rows=5)) == 2
     assert "at least 10 are needed" in capsys.readouterr().err
