@@ -1,5 +1,6 @@
 """Tied pairs: the diagnosis proposes measurements, the lab carries them out, and the diagnosis is asked again.
 
+A pair is separated where what is hidden is stated and its rival is not; a third cause may be tied with both still.
 Whether any measurements could separate a pair is computed from the truth: of a lattice over the whole design
 space, standby and no load, the ten rows that raise the pair's isolability most, one after the other.
 """
@@ -114,17 +115,22 @@ class Bench:
         return diagnose(load_measurements(self.table)).as_plain()
 
 
-def _settled(trial: BlindTrial, plain: dict[str, Any]) -> bool:
-    answer = Answer.of(plain, 0.0)
+def settled(trial: BlindTrial, answer: Answer) -> bool:
+    """Whether what is hidden is named alone."""
     return answer.named == trial.names and answer.stated == trial.names
 
 
+def separated(trial: BlindTrial, answer: Answer) -> bool:
+    """Whether what is hidden is stated and its rival is not, whatever third cause may be tied with both."""
+    return set(trial.names) <= set(answer.stated) and trial.rival not in answer.stated
+
+
 def ask_tied(trial: BlindTrial) -> dict[str, Any]:
-    """Diagnose, do what it proposes, ten rows at most, and ask again."""
+    """Diagnose, do what it proposes, ten rows at most, and ask again, until what is hidden is named alone."""
     bench, channels = Bench.of(trial), list[str]()
     plain = bench.diagnosed()
     first = plain["verdict"]
-    while not _settled(trial, plain) and bench.added < MOST_ROWS:
+    while not settled(trial, Answer.of(plain, 0.0)) and bench.added < MOST_ROWS:
         proposals = [understood(step) for step in plain["next"]]
         channels += [p.channel for p in proposals if p.channel]
         feasible = [p for p in proposals if p.plan is not None]
@@ -134,10 +140,12 @@ def ask_tied(trial: BlindTrial) -> dict[str, Any]:
             bench.carry_out(step)
         plain = bench.diagnosed()
     possible, needed = _possible(trial)
+    answer = Answer.of(plain, 0.0)
     return {
         "first": first,
         "last": plain["verdict"],
-        "separated": _settled(trial, plain),
+        "separated": separated(trial, answer),
+        "alone": settled(trial, answer),
         "rows": bench.added,
         "channels": sorted(set(channels)),
         "separable_sigma": possible,
@@ -213,10 +221,19 @@ def _tied(run: Run) -> Outcome:
         able = [r for r in own if r["separable_sigma"] >= LEAST_SIGMA]
         spent = [r["rows"] for r in able if r["separated"]]
         rows.append((
-            pair[0], pair[1], len(own), len(able), sum(r["separated"] for r in able),
+            pair[0], pair[1], len(own), len(able), sum(r["separated"] for r in able), sum(r["alone"] for r in able),
             float(np.median(spent)) if spent else None, _most_common([r["first"] for r in own]),
         ))  # fmt: skip
-    columns = ("hidden", "rival", "trials", "can be separated", "separated", "rows, median", "first verdict")
+    columns = (
+        "hidden",
+        "rival",
+        "trials",
+        "can be separated",
+        "separated",
+        "named alone",
+        "rows, median",
+        "first verdict",
+    )
     return Outcome(goals=goals, tables=(Table(title="Tied pairs", columns=columns, rows=tuple(rows)),))
 
 

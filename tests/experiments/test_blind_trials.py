@@ -14,7 +14,7 @@ from drivers.mocks.lab.hidden import HIDDEN
 from drivers.mocks.lab.laboratory import Laboratory
 from experiments.blind import reach as reach_module
 from experiments.blind import trial as blind_trial
-from experiments.blind.answer import NO_ANSWER, Answer
+from experiments.blind.answer import NO_ANSWER, Answer, Cause
 from experiments.blind.draws import (
     coverage,
     efficiency_only,
@@ -29,7 +29,7 @@ from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored
 from experiments.blind.seeds import ROWS, SCORING, TUNING
 from experiments.blind.surrogates import campaign
-from experiments.blind.tied import understood
+from experiments.blind.tied import separated, settled, understood
 from experiments.blind.trial import HEAVY, NOISES, UNDERSTATED, BlindTrial, ask, measured
 from experiments.blind_trials import NAMES
 from experiments.harness.lab_data import measured_table, random_set_points
@@ -249,3 +249,24 @@ def test_a_missing_channel_is_understood_and_what_this_bench_cannot_do_is_left()
     )
     assert understood({"action": said}).channel == "P_link1_W"
     assert understood({"action": "swap the two elements at D1 = 0.8, D2 = 0.1, 900 W"}).plan is None
+
+
+def grouped(**probabilities: float) -> Answer:
+    """All these causes in one group, as tied as can be."""
+    causes = tuple(
+        Cause(effect=name, probability=p, value=1.0, low=0.5, high=1.5) for name, p in probabilities.items()
+    )
+    return Answer(verdict="group", causes=causes, groups=(tuple(probabilities),))
+
+
+def test_a_pair_is_separated_without_the_rival_whatever_else_is_tied() -> None:
+    trial = BlindTrial(row="tied", seed=1, hidden=(("sic_on_resistance", 0.3),), rival="thermal_resistance")
+    third = grouped(sic_on_resistance=0.6, link_resistance=0.4)
+    assert separated(trial, third)
+    assert not settled(trial, third)
+    assert not separated(trial, grouped(sic_on_resistance=0.6, thermal_resistance=0.4))
+    assert not separated(trial, grouped(link_resistance=0.6, cable_resistance_input=0.4))
+
+
+def test_what_is_in_a_group_is_not_named_however_sure() -> None:
+    assert grouped(sic_on_resistance=0.97, link_resistance=0.03).named == ()
