@@ -170,8 +170,8 @@ def applies(entry: Effect, converter: Converter) -> bool:
 def _is_everyday(entry: Effect, spreads: tuple[Spread, ...]) -> bool:
     """Whether every bench has a little of an effect, beside the spreads of the converter's parameters."""
     paths = entry.paths if isinstance(entry, ParameterEffect) else ()
-    known = {spread.path for spread in spreads}
-    return not entry.threshold and entry.headline.tolerance > 0 and known.isdisjoint(paths)
+    own = entry.together or {spread.path for spread in spreads}.isdisjoint(paths)
+    return own and not entry.threshold and entry.headline.tolerance > 0
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:

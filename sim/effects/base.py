@@ -43,6 +43,7 @@ class Effect:
     """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench.
 
     ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does.
+    ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Effect:
     check_on_bench: str
     threshold: bool = False
     law: float = 0.02
+    together: bool = False
 
     @property
     def headline(self) -> EffectParameter:

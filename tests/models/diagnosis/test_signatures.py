@@ -75,6 +75,17 @@ def test_an_offset_of_the_output_power_moves_what_is_predicted_at_it(known: Sign
     np.testing.assert_allclose(offset, sigma_W * known.per_watt, rtol=1e-12)  # rounding
 
 
+def test_an_everyday_spread_of_all_parts_together_is_a_direction_beside_theirs(known: Signatures) -> None:
+    (signature,) = (s for s in known.effects if s.effect == "reverse_recovery")
+    own = known.own_spreads("reverse_recovery")
+    names = [known.spread_names[k] for k in own]
+    assert {"reverse_recovery", "primary.clamp.recovery.charge_C"} <= set(names)
+    np.testing.assert_array_equal(
+        known.spreads[own[names.index("reverse_recovery")]],
+        signature.entry.headline.tolerance * signature.slope,
+    )
+
+
 def test_a_threshold_that_no_reading_crosses_is_no_candidate(
     observations: Observations, known: Signatures
 ) -> None:
