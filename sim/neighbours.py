@@ -8,9 +8,10 @@ Kelley, Solving Nonlinear Equations with Newton's Method, 2003, section 4.3):
 .. math:: w = -J^{-1} F(z_k), \quad w \mathrel{+}= s_{j+1} \frac{s_j \cdot w}{s_j \cdot s_j} \; (j < k - 1), \quad
           s_k = \frac{w}{1 - s_{k-1} \cdot w / s_{k-1} \cdot s_{k-1}}
 
-Two or three looks at a point do, where the rounds of :mod:`sim.fixed_point` need six to eight. Where states bend on the
-way (an edge loses zero voltage, two edges pass each other), the response is taken again; what does not settle then is
-left to those rounds.
+Two looks at a point do, where the rounds of :mod:`sim.fixed_point` need six to eight: a last step that is short is not
+looked at again, the columns take it along how they respond. Where states bend on the way (an edge loses zero voltage,
+two edges pass each other) steps stop getting shorter; such points are put aside and have their own response taken, all
+together. What does not settle then is left to those rounds.
 """
 
 from collections.abc import Iterator
@@ -20,20 +21,23 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.station import OperatingState, Slow, Station
+from sim.columns import FLAGS, columns, impossible
+from sim.station import LEAST_W, Slow, Station
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_ROUNDS = 12
-_AGAIN = 4  # looks after which the few that are left have their own response taken
-_FEW, _SHARE = 40, 1 / 30  # of all: more would cost as much as they save
-_WORSE = 10.0  # times the last step: a point that strays so far is left to others
+_ROUNDS = 8
+_ANEW = 3  # times that those put aside have their response taken
+_FEW, _SHARE = 60, 1 / 30  # of all: more would cost as much as they save
+_SHORTER = 0.5  # times the last step: a point whose steps are not is put aside
 _LEAST, _MOST = 0.2, 6.0  # how much of a step the last one may make of it
 _STATE_UNIT = (1.0, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)  # A, Th: start current, delays, phase
 _SLOW_UNIT = {"I1_A": 0.1}  # the others: 1 K, 1 W
 _DIFFERENCE = 1e-3  # of the units
-_LAST = 1e-2  # of the units: a longer step is none to end with
+_LAST = 2e-3  # of the units, and of a kilowatt: the response is right to some per cent of what a step does
+_LAST_W = 1e-3  # of the power: the unit of one at that scale
+_MISSED = 0.2  # of a power that is missed at the phase: as much of a step of power
 
 
 def _unknowns(station: Station) -> Array:
@@ -57,67 +61,105 @@ def _at(station: Station, unknowns: Array) -> Station:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """J^-1 at N solved points, (N, n, n), the unknowns in their units."""
+    """J^-1 at N solved points, (N, n, n), the unknowns in their units, and how columns move with them, (N, C, n)."""
 
     inverse: Array
+    columns: Array
 
     @classmethod
     def of(cls, station: Station) -> "tuple[Response, Station]":
         """By differences about a solution; and the solution, one last step nearer."""
-        z, (_, left) = _unknowns(station), station.missed()
+        z, (state, left) = _unknowns(station), station.missed()
         count, size = z.shape
         moved = np.tile(z, count)
         for k in range(count):
             moved[k, k * size : (k + 1) * size] += _DIFFERENCE
         everywhere = np.arange(size)
-        _, missed = _at(station.take(np.tile(everywhere, count)), moved).missed()
-        change = missed.reshape(count, count, size) - left[:, None]  # equation, unknown, point
-        jacobian = np.moveaxis(change, 2, 0) / _DIFFERENCE
+        aside = _at(station.take(np.tile(everywhere, count)), moved)
+        there, missed = aside.missed()
+        jacobian = _slopes(missed, left, count)
+        told, here = (
+            columns(aside.converter, there, aside.points),
+            columns(station.converter, state, station.points),
+        )
+        change = _slopes(told, here, count)
+        change[:, -FLAGS:] = 0.0
         try:
             inverse = np.linalg.inv(jacobian)
         except np.linalg.LinAlgError:
             inverse = np.linalg.pinv(jacobian)
-        response = cls(inverse=np.asarray(inverse, dtype=np.float64))
+        response = cls(inverse=np.asarray(inverse, dtype=np.float64), columns=change)
         step = response.step(everywhere, left)
-        return response, _at(station, z + np.where(np.sum(step**2, axis=0) < _LAST**2, step, 0.0))
+        return response, _at(station, z + np.where(_short(station, step, left), step, 0.0))
 
     def take(self, chosen: Rows) -> "Response":
         """That of some of the points."""
-        return Response(inverse=self.inverse[chosen])
+        return Response(inverse=self.inverse[chosen], columns=self.columns[chosen])
 
     def step(self, chosen: Rows, missed: Array) -> Array:
         """Newton's step (n, M) at some of the points from what they miss, (n, M)."""
         return np.asarray(-np.matmul(self.inverse[chosen], missed.T[..., None])[..., 0].T)
 
+    def moved(self, chosen: Rows, step: Array) -> Array:
+        """What a step (n, M) at some of the points adds to their columns, (C, M)."""
+        return np.asarray(np.matmul(self.columns[chosen], step.T[..., None])[..., 0].T)
 
-def approach(
-    station: Station, response: Response, origin: Rows
-) -> Iterator[tuple[Rows, NDArray[np.bool_], OperatingState]]:
-    """Look after look at N variants, each of the point ``origin`` (N,) of the response.
 
-    Every time some have settled, the rows that were looked at, which of them settled, and the state of all of them.
+def _slopes(there: Array, here: Array, count: int) -> Array:
+    """Differences (N, k, count) of k quantities (k, count N) with each unknown moved, from those (k, N) with none."""
+    change = there.reshape(len(here), count, -1) - here[:, None]
+    return np.moveaxis(change, 2, 0) / _DIFFERENCE
+
+
+def _short(station: Station, step: Array, missed: Array) -> NDArray[np.bool_]:
+    """Whether a step (n, N) from what is missed (n, N) is one to end with."""
+    kilowatts = _LAST_W * np.maximum(np.abs(np.asarray(station.points.power_W)), LEAST_W)
+    power_W = np.maximum(np.abs(step[-2]), _MISSED * np.abs(missed[5]))
+    return np.asarray(np.all(np.abs(step) < _LAST, axis=0) & (power_W < _LAST * kilowatts))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """Points that settled: which ``rows`` (K,) they are, their columns (C, K), why they cannot be ("": they can)."""
+
+    rows: Rows
+    columns: Array
+    why: NDArray[np.str_]
+
+
+def approach(station: Station, response: Response, origin: Rows) -> Iterator[Found]:
+    """Look after look at N variants, each of the point ``origin`` (N,) of the response; as they settle, what is found.
+
+    What strays is put aside until all others are done.
     """
-    rows, z, steps = np.arange(len(station.points)), _unknowns(station), list[Array]()
-    few, learned = max(_FEW, _SHARE * rows.size), 0
-    for turn in range(_ROUNDS):
-        if turn - learned >= _AGAIN and rows.size <= few:
-            (response, station), learned = Response.of(station), turn
-            origin, z, steps = np.arange(rows.size), _unknowns(station), []
-        state, missed = station.missed()
-        settled = station.settled(state, missed)
-        if np.any(settled):
-            yield rows, settled, state
-        step = _taught(response.step(origin, missed), steps)
-        nearer = np.ones(rows.size, dtype=bool)
-        if steps:
-            nearer = np.sum(step**2, axis=0) < _WORSE**2 * np.sum(steps[-1] ** 2, axis=0)
-        ahead = _at(station, z + step)
-        going = np.flatnonzero(~settled & nearer & ahead.on_branch())
-        if not going.size:
+    whole, rows, z = station, np.arange(origin.size), _unknowns(station)
+    for _ in range(_ANEW):
+        aside, steps = list[tuple[Rows, Array]](), list[Array]()
+        for _ in range(_ROUNDS):
+            state, missed = station.missed()
+            step = _taught(response.step(origin, missed), steps)
+            ends = _short(station, step, missed)
+            if np.any(ends):
+                done, told = np.flatnonzero(ends), columns(station.converter, state, station.points)
+                further = response.moved(origin[done], step[:, done])
+                why = impossible(state, told)[done]
+                yield Found(rows=rows[done], columns=told[:, done] + further, why=why)
+            shorter = np.ones(rows.size, dtype=bool)
+            if steps:
+                shorter = _dot(step, step) < _SHORTER**2 * _dot(steps[-1], steps[-1])
+            ahead = _at(station, z + step)
+            onward = shorter & ahead.on_branch()
+            strayed, going = np.flatnonzero(~ends & ~onward), np.flatnonzero(~ends & onward)
+            aside.append((rows[strayed], z[:, strayed]))
+            rows, origin, z = rows[going], origin[going], (z + step)[:, going]
+            if not going.size:
+                break
+            steps, station = [s[:, going] for s in (*steps, step)], ahead.take(going)
+        rows, z = (np.concatenate(parts, axis=-1) for parts in zip((rows, z), *aside, strict=True))
+        if not rows.size or rows.size > max(_FEW, _SHARE * len(whole.points)):
             return
-        rows, origin, z = rows[going], origin[going], (z + step)[:, going]
-        steps = [s[:, going] for s in (*steps, step)]
-        station = ahead.take(going)
+        response, station = Response.of(_at(whole.take(rows), z))
+        origin, z = np.arange(rows.size), _unknowns(station)
 
 
 def _taught(step: Array, steps: list[Array]) -> Array:

@@ -15,17 +15,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.bridges import part_names
-from sim.checks import HOTTEST_C
+from sim.columns import columns, columns_of, impossible
 from sim.fixed_point import Outcome, carries, operate
 from sim.model import Model
-from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
+from sim.modulation import centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
 from sim.neighbours import Response, approach
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick, stack
-from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, OperatingState, WarmStart, station_of
+from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, WarmStart, station_of
 
 __all__ = [
     "PARTS",
@@ -44,11 +43,6 @@ Array = NDArray[np.float64]
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
 _SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
 _MANY = 4  # variants at once that pay for their response being learned
-_ZVS = 0.01  # a swing that misses less than this counts as zero-voltage switching
-_COLUMNS = (
-    "D0", "P1_W", "I1_A", "P2_W", "efficiency", "I_L_rms_A", "I_L_pp_A", "P_link1_W", "P_link2_W",
-    "T_heatsink_C", "T_transformer_C", "T_inductor_C",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,21 +209,16 @@ class _Seed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Table:
-    """What is found at N points, written to as it is found."""
+    """What is found at N points, columns (C, N), written to as it is found."""
 
     reason: NDArray[np.str_]
-    values: dict[str, Array]
+    columns: Array
 
-    def put(
-        self, rows: NDArray[np.intp], state: OperatingState, points: Points, settled: NDArray[np.bool_]
-    ) -> None:
-        """Columns of a state at some of its points, those that cannot be with the reason."""
-        columns = _columns(state, points)
-        why = _impossible(state, columns)
-        sound = np.flatnonzero(settled & (why == ""))
-        for name, value in columns.items():
-            self.values[name][rows[sound]] = value[sound]
-        for k in np.flatnonzero(settled & (why != "")).tolist():
+    def put(self, rows: NDArray[np.intp], columns: Array, why: NDArray[np.str_]) -> None:
+        """Columns (C, K) of some points; of those that cannot be, the reason why."""
+        sound = np.flatnonzero(why == "")
+        self.columns[:, rows[sound]] = columns[:, sound]
+        for k in np.flatnonzero(why != "").tolist():
             self.reason[rows[k]] = why[k]
 
     def visit(
@@ -245,9 +234,9 @@ class _Table:
             return np.arange(rows.size)
         at, open_ = points.take(rows), np.ones(rows.size, dtype=bool)
         station = station_of(pick(converter, rows), at, seed.start.take(place))
-        for looked, settled, state in approach(station, seed.response, place):
-            self.put(rows[looked], state, at.take(looked), settled)
-            open_[looked[settled]] = False
+        for found in approach(station, seed.response, place):
+            self.put(rows[found.rows], found.columns, found.why)
+            open_[found.rows] = False
         return np.flatnonzero(open_)
 
 
@@ -308,8 +297,8 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None, *, learn: b
     size = len(points)
     reason = _refused(converter, points)
     standby = ~np.asarray(points.pwm, dtype=bool)
-    values = {name: np.full(size, np.nan) for name in _columns_of(converter)}
-    table = _Table(reason=reason, values=values)
+    names = columns_of(converter)
+    table = _Table(reason=reason, columns=np.full((len(names), size), np.nan))
     run = np.flatnonzero((reason == "") & ~standby)
     place = np.full(run.size, -1) if seed is None else seed.find(run)
     left: _Seed | None = None
@@ -328,9 +317,11 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None, *, learn: b
         for k in np.flatnonzero(~outcome.reached).tolist():
             reason[rows[k]] = _why_not(float(outcome.most_W[k]))
         there = np.flatnonzero(outcome.reached)
-        table.put(rows[there], outcome.state, at.take(there), np.ones(there.size, dtype=bool))
+        found = columns(converter, outcome.state, at.take(there))
+        table.put(rows[there], found, impossible(outcome.state, found))
         if seed is None:
             left = _Seed.of(size, rows[there], outcome, learn=learn)
+    values = dict(zip(names, table.columns, strict=True))
     for name in ("P1_W", "I1_A", "P2_W", "loss_added_W"):
         values[name][standby] = 0.0
     values["T_heatsink_C"][standby] = np.asarray(points.ambient_C)[standby]
@@ -350,46 +341,7 @@ def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
     return reason
 
 
-def _impossible(state: OperatingState, columns: dict[str, Array]) -> NDArray[np.str_]:
-    """Why a solution cannot be, "" where it can: parts hotter than any stands, numbers that are none."""
-    hottest_C = np.max(list(state.temperatures.by_place().values()), axis=0)
-    finite = np.all([np.isfinite(value) for value in columns.values()], axis=0)
-    return np.select(
-        [~finite, hottest_C >= HOTTEST_C],
-        ["no finite solution", f"a part would be hotter than {HOTTEST_C:.0f} degC"],
-        default="",
-    )
-
-
 def _why_not(most_W: float) -> str:
     if np.isfinite(most_W):
         return f"D1 and D2 carry at most {most_W:.0f} W into the secondary bridge"
     return "no steady state found"
-
-
-def _columns_of(converter: Converter) -> tuple[str, ...]:
-    before, behind = part_names(converter)
-    losses = (*before, *IN_LINK, *behind, "auxiliary", "input_cable", "output_cable", "added")
-    return (*_COLUMNS, *(f"loss_{part}_W" for part in losses), *(f"zvs_{edge}" for edge in EDGES))
-
-
-def _columns(state: OperatingState, points: Points) -> dict[str, Array]:
-    balance, t, missing = state.balance, state.temperatures, state.regulated.orbit.commutation.missing
-    columns = {
-        "D0": state.regulated.phase - centre_offset(np.asarray(points.D1), np.asarray(points.D2)),
-        "P1_W": balance.P1_W,
-        "I1_A": balance.I1_A,
-        "P2_W": balance.P2_W,
-        "efficiency": efficiency(balance.P1_W, balance.P2_W),
-        "I_L_rms_A": np.sqrt(state.current.square_A2),
-        "I_L_pp_A": state.current.peak_to_peak_A,
-        "P_link1_W": balance.P_link1_W,
-        "P_link2_W": balance.P_link2_W,
-        "T_heatsink_C": t.heatsink_C,
-        "T_transformer_C": t.transformer_C,
-        "T_inductor_C": t.inductor_C,
-        "loss_added_W": np.zeros(len(points)),
-    }
-    columns |= {f"loss_{part}_W": loss for part, loss in balance.losses.items()}
-    columns |= {f"zvs_{edge}": (missing[k] < _ZVS).astype(float) for k, edge in enumerate(EDGES)}
-    return {name: np.asarray(value) for name, value in columns.items()}

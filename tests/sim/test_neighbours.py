@@ -46,7 +46,7 @@ def found() -> tuple[Response, Station]:
 def looks(solved: Station, response: Response, converter: Converter) -> list[int]:
     """How many points settled at each look that settled any."""
     variant = station_of(converter, points(), solved.start())
-    return [int(settled.sum()) for _, settled, _ in approach(variant, response, ORIGIN)]
+    return [found.rows.size for found in approach(variant, response, ORIGIN)]
 
 
 def test_the_solved_points_miss_nothing(solved: Station) -> None:
