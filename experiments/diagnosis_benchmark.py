@@ -81,7 +81,7 @@ def cost(trial: BlindTrial, settings: Settings) -> Cost:
     """The time of one diagnosis, from the table on."""
     table = measured(trial)
     start_s, before_s = settings.now(), processor_s()
-    verdict = diagnose(load_measurements(table)).verdict.kind
+    verdict = diagnose(load_measurements(table)).as_plain()["verdict"]
     return Cost(
         points=trial.points,
         hidden=" + ".join(trial.names) or "nothing",

@@ -21,13 +21,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.circuit import Temperatures
 from sim.columns import FLAGS, columns, impossible
+from sim.parameters import Converter
 from sim.station import LEAST_W, Slow, Station
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _ROUNDS = 8
+_AGAIN, _HANDFUL = 3, 40  # looks after which so few have their own response taken: smaller calls cost as much
 _ANEW = 3  # times that those put aside have their response taken
 _FEW, _SHARE = 60, 1 / 30  # of all: more would cost as much as they save
 _SHORTER = 0.5  # times the last step: a point whose steps are not is put aside
@@ -44,6 +47,17 @@ def _unknowns(station: Station) -> Array:
     """z in its units, (n, N)."""
     slow = station.slow.by_name()
     return np.concatenate([station.known.state(), np.stack(list(slow.values()))]) / _units(station)
+
+
+def started(station: Station, unknowns: Array) -> Station:
+    """The station with other unknowns (n, N), where they are known."""
+    known = np.all(np.isfinite(unknowns), axis=0)
+    return _at(station, np.where(known, unknowns, _unknowns(station)))
+
+
+def unknowns_of(converter: Converter) -> int:
+    """How many unknowns n a converter's points have."""
+    return len(_STATE_UNIT) + len(Temperatures.everywhere(converter, np.zeros(1)).by_place()) + 2
 
 
 def _units(station: Station) -> Array:
@@ -120,11 +134,15 @@ def _short(station: Station, step: Array, missed: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Points that settled: which ``rows`` (K,) they are, their columns (C, K), why they cannot be ("": they can)."""
+    """Points that settled: which ``rows`` (K,) they are, their columns (C, K), why they cannot be ("": they can).
+
+    ``unknowns`` (n, K) are z there.
+    """
 
     rows: Rows
     columns: Array
     why: NDArray[np.str_]
+    unknowns: Array
 
 
 def approach(station: Station, response: Response, origin: Rows) -> Iterator[Found]:
@@ -135,7 +153,7 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
     whole, rows, z = station, np.arange(origin.size), _unknowns(station)
     for _ in range(_ANEW):
         aside, steps = list[tuple[Rows, Array]](), list[Array]()
-        for _ in range(_ROUNDS):
+        for turn in range(_ROUNDS):
             state, missed = station.missed()
             step = _taught(response.step(origin, missed), steps)
             ends = _short(station, step, missed)
@@ -143,12 +161,16 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
                 done, told = np.flatnonzero(ends), columns(station.converter, state, station.points)
                 further = response.moved(origin[done], step[:, done])
                 why = impossible(state, told)[done]
-                yield Found(rows=rows[done], columns=told[:, done] + further, why=why)
+                yield Found(
+                    rows=rows[done], columns=told[:, done] + further, why=why, unknowns=(z + step)[:, done]
+                )
             shorter = np.ones(rows.size, dtype=bool)
             if steps:
                 shorter = _dot(step, step) < _SHORTER**2 * _dot(steps[-1], steps[-1])
             ahead = _at(station, z + step)
             onward = shorter & ahead.on_branch()
+            if turn >= _AGAIN and np.count_nonzero(~ends) <= _HANDFUL:
+                onward[:] = False
             strayed, going = np.flatnonzero(~ends & ~onward), np.flatnonzero(~ends & onward)
             aside.append((rows[strayed], z[:, strayed]))
             rows, origin, z = rows[going], origin[going], (z + step)[:, going]

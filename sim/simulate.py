@@ -10,7 +10,7 @@ A loss behind P_link2 moves D0; one before it does not.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from sim.columns import columns, columns_of, impossible
 from sim.fixed_point import Outcome, carries, operate
 from sim.model import Model
 from sim.modulation import centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
-from sim.neighbours import Response, approach
+from sim.neighbours import Response, approach, started, unknowns_of
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
@@ -35,6 +35,7 @@ __all__ = [
     "grid",
     "grid_of",
     "simulate",
+    "simulate_each",
     "simulate_many",
 ]
 
@@ -50,7 +51,7 @@ class Result:
     """What the model says of N points: flags, reasons, and columns of shape (N,), NaN where infeasible.
 
     ``seed`` is what variants of the model start from. In standby (``pwm`` false) the input takes nothing, and the
-    bridge's columns are NaN.
+    bridge's columns are NaN. ``state`` (n, N) is what a variant was solved for, in the units of :mod:`sim.neighbours`.
     """
 
     points: Points
@@ -58,6 +59,7 @@ class Result:
     reason: NDArray[np.str_]
     values: dict[str, Array]
     seed: "_Seed | None" = field(default=None, repr=False, compare=False)
+    state: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False, compare=False)
 
     def __getitem__(self, column: str) -> Array:
         return self.values[column]
@@ -70,6 +72,7 @@ class Result:
             reason=self.reason[chosen],
             values={name: value[chosen] for name, value in self.values.items()},
             seed=None if self.seed is None else self.seed.take(chosen),
+            state=self.state[:, chosen] if self.state.size else self.state,
         )
 
     def columns(self) -> dict[str, NDArray[np.generic]]:
@@ -92,17 +95,28 @@ def simulate_many(models: Sequence[Model], points: Points, near: Result | None =
     All are solved from ``near``, a result of one of them or their like at the same points, where that has power
     to spare; without it the first is solved from nothing and the others from that.
     """
-    variants, results, seed = list(models), [], None if near is None else near.seed
+    return simulate_each([(model, points) for model in models], near)
+
+
+def simulate_each(
+    cases: "Sequence[Case]", near: Result | None = None, starts: Sequence[Array | None] = ()
+) -> list[Result]:
+    """The same, each variant at points of its own, as many of them for each.
+
+    ``starts`` are states (n, N) of the results of near variants; a variant with one starts there.
+    """
+    variants, results, seed = list(cases), [], None if near is None else near.seed
     if seed is None:
-        first = variants.pop(0)
+        first, points = variants.pop(0)
         whole = _solve(
             first.altered_converter(), first.set_points(points), None, learn=len(variants) >= _MANY
         )
         results, seed = [_result(first, points, whole)], whole.seed
-    if variants:
-        distinct, slots = _circuits(variants, points)
-        solved = _all_solved(distinct, seed)
-        results += [_result(m, points, solved[k]) for m, k in zip(variants, slots, strict=True)]
+    if variants and seed is not None:
+        distinct, slots = _circuits(variants)
+        own = dict(zip(reversed(slots), reversed(starts), strict=True)) if starts else {}
+        solved = _all_solved(distinct, seed, [own.get(k) for k in range(len(distinct))])
+        results += [_result(*case, solved[k]) for case, k in zip(variants, slots, strict=True)]
     return results
 
 
@@ -112,17 +126,18 @@ def reference(model: Model, points: Points) -> Result:
     return _result(model, points, solved)
 
 
+Case = tuple[Model, Points]
 _Circuit = tuple[Converter, Points]
 
 
-def _circuits(models: Sequence[Model], points: Points) -> tuple[list[_Circuit], list[int]]:
-    """The converters and set points that differ, and which of them each model has.
+def _circuits(cases: Sequence[Case]) -> tuple[list[_Circuit], list[int]]:
+    """The converters and set points that differ, and which of them each case has.
 
     What an effect adds at the input or does to a reading needs no solution of its own.
     """
     distinct: list[_Circuit] = []
     slots = []
-    for model in models:
+    for model, points in cases:
         altered, moved = model.altered_converter(), model.set_points(points)
         same = (k for k, (other, where) in enumerate(distinct) if other is altered and where is moved)
         slots.append(next(same, len(distinct)))
@@ -131,11 +146,16 @@ def _circuits(models: Sequence[Model], points: Points) -> tuple[list[_Circuit], 
     return distinct, slots
 
 
-def _all_solved(circuits: "list[_Circuit]", seed: "_Seed | None") -> "list[_Solution]":
+def _all_solved(
+    circuits: "list[_Circuit]", seed: "_Seed", starts: Sequence[Array | None]
+) -> "list[_Solution]":
     """Converters at their points, all in one call but for those that saturate."""
     found: dict[int, _Solution] = {}
     for chosen, converter, points in _stacked(circuits):
-        size, solved = len(points) // len(chosen), _solve(converter, points, seed)
+        size = len(points) // len(chosen)
+        unknown = np.full((unknowns_of(converter), size), np.nan)
+        ahead = [unknown if start is None else start for start in (starts[k] for k in chosen)]
+        solved = _solve(converter, points, replace(seed, ahead=np.concatenate(ahead, axis=1)))
         found |= {k: solved.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
     return [found[k] for k in range(len(circuits))]
 
@@ -159,7 +179,7 @@ def can_run(models: Model | Sequence[Model], points: Points) -> NDArray[np.bool_
 
 def each_can_run(models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
     """The same of N points with each of K models, (K, N)."""
-    circuits, slots = _circuits(models, points)
+    circuits, slots = _circuits([(model, points) for model in models])
     runs = np.empty((len(circuits), len(points)), dtype=bool)
     for chosen, converter, moved in _stacked(circuits):
         alone = _refused(converter, moved) == ""
@@ -172,13 +192,17 @@ def each_can_run(models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Seed:
-    """Warm starts of the points ``rows`` (K,) of a set of ``size``; ``spare`` (K,) tells which have power to spare."""
+    """Warm starts of the points ``rows`` (K,) of a set of ``size``; ``spare`` (K,) tells which have power to spare.
+
+    ``ahead`` (n, V size) is where V variants start with their response, NaN where at the start itself.
+    """
 
     size: int
     rows: NDArray[np.intp]
     start: WarmStart
     spare: NDArray[np.bool_]
     response: Response | None = None
+    ahead: Array | None = None
 
     @classmethod
     def of(cls, size: int, rows: NDArray[np.intp], outcome: Outcome, *, learn: bool) -> "_Seed":
@@ -209,10 +233,11 @@ class _Seed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Table:
-    """What is found at N points, columns (C, N), written to as it is found."""
+    """What is found at N points, columns (C, N) and states of variants (n, N), written to as it is found."""
 
     reason: NDArray[np.str_]
     columns: Array
+    states: Array
 
     def put(self, rows: NDArray[np.intp], columns: Array, why: NDArray[np.str_]) -> None:
         """Columns (C, K) of some points; of those that cannot be, the reason why."""
@@ -234,24 +259,28 @@ class _Table:
             return np.arange(rows.size)
         at, open_ = points.take(rows), np.ones(rows.size, dtype=bool)
         station = station_of(pick(converter, rows), at, seed.start.take(place))
+        if seed.ahead is not None:
+            station = started(station, seed.ahead[:, rows])
         for found in approach(station, seed.response, place):
             self.put(rows[found.rows], found.columns, found.why)
+            self.states[:, rows[found.rows]] = found.unknowns
             open_[found.rows] = False
         return np.flatnonzero(open_)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Solution:
-    """Reason of infeasibility ("" where feasible), every column's true value, and a start for variants."""
+    """Reason of infeasibility ("" where feasible), every column's true value, a start for variants, and the state."""
 
     reason: NDArray[np.str_]
     values: dict[str, Array]
     seed: _Seed | None
+    state: Array
 
     def rows(self, chosen: slice) -> "_Solution":
         """A stretch of the points."""
         values = {name: value[chosen] for name, value in self.values.items()}
-        return _Solution(reason=self.reason[chosen], values=values, seed=None)
+        return _Solution(reason=self.reason[chosen], values=values, seed=None, state=self.state[:, chosen])
 
 
 def _result(model: Model, points: Points, solution: _Solution) -> Result:
@@ -263,6 +292,7 @@ def _result(model: Model, points: Points, solution: _Solution) -> Result:
         reason=solution.reason,
         values=shown,
         seed=solution.seed,
+        state=solution.state,
     )
 
 
@@ -298,7 +328,11 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None, *, learn: b
     reason = _refused(converter, points)
     standby = ~np.asarray(points.pwm, dtype=bool)
     names = columns_of(converter)
-    table = _Table(reason=reason, columns=np.full((len(names), size), np.nan))
+    table = _Table(
+        reason=reason,
+        columns=np.full((len(names), size), np.nan),
+        states=np.full((unknowns_of(converter), size), np.nan),
+    )
     run = np.flatnonzero((reason == "") & ~standby)
     place = np.full(run.size, -1) if seed is None else seed.find(run)
     left: _Seed | None = None
@@ -325,7 +359,7 @@ def _solve(converter: Converter, points: Points, seed: _Seed | None, *, learn: b
     for name in ("P1_W", "I1_A", "P2_W", "loss_added_W"):
         values[name][standby] = 0.0
     values["T_heatsink_C"][standby] = np.asarray(points.ambient_C)[standby]
-    return _Solution(reason=reason, values=values, seed=left)
+    return _Solution(reason=reason, values=values, seed=left, state=table.states)
 
 
 def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:

@@ -162,7 +162,7 @@ def answered(table: pd.DataFrame) -> Answer:
     """The diagnosis of a table, whatever comes of it."""
     start_s = time.process_time()
     try:
-        plain = diagnose(load_measurements(table)).as_plain()
+        plain = diagnose(load_measurements(table)).as_plain(ahead=False)
     except ValueError as error:  # of whatever kind: no answer is an answer that counts against it
         refused = f"{type(error).__name__}: {error}"
         return Answer(verdict=NO_ANSWER, refused=refused, cpu_s=time.process_time() - start_s)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from models.diagnosis.observations import Channel, Observations
 from sim.model import Model
 from sim.operating_points import Points
-from sim.simulate import Result, can_run, simulate_many
+from sim.simulate import Result, can_run, reference, simulate_many
 
 Array = NDArray[np.float64]
 SetPoint = tuple[float, float, float]
@@ -63,13 +63,15 @@ class Option:
 class Options:
     """K things to do, the readings that R models expect of them (R, K, channels), and their noise (K, channels).
 
-    ``points`` are where the first of them are done; those behind are done without the converter.
+    ``points`` are where the first of them are done; those behind are done without the converter. ``near`` is a
+    simulation there for variants to start from.
     """
 
     what: tuple[Option, ...]
     readings: Array
     sigma: Array
     points: Points
+    near: Result
 
     @property
     def minutes(self) -> Array:
@@ -84,6 +86,7 @@ class Options:
             readings=self.readings[:, rows[:, None], columns],
             sigma=self.sigma[rows[:, None], columns],
             points=self.points.take(rows[rows < len(self.points)]),
+            near=self.near.take(rows[rows < len(self.points)]),
         )
 
 
@@ -92,15 +95,18 @@ def bench_options(
     models: Sequence[Model],
     channels: Sequence[Channel],
     allowed: Allowed = ANYTHING,
+    like: Model | None = None,
 ) -> Options:
-    """Everything that is allowed, in one look at it by every model."""
+    """Everything that is allowed, in one look at it by every model; all start from one ``like`` them."""
     points = _points(observations, models, allowed)
     if not allowed.by_hand:
+        near = reference(like or models[0], points)
         return Options(
             what=tuple(_measured(points, allowed)),
-            readings=_readings(simulate_many(models, points), channels),
+            readings=_readings(simulate_many(models, points, near), channels),
             sigma=_sigma(channels, np.asarray(points.power_W)),
             points=points,
+            near=near,
         )
     most = int(np.argmax(np.asarray(points.power_W)))
     at, one = _set_points(points)[most], points.take(np.array([most]))
@@ -115,26 +121,30 @@ def bench_options(
         ),
     ]
     blocks = [(list(models), Points.join([points, warmer]))]
+    places = [np.append(np.arange(len(points)), most)]  # of each block, where it starts from
     for said_so, change in _REBUILT.items():
         action = f"{said_so} {said(at)}"
         what.append(Option(action=action, minutes=_REBUILD_MIN, set_point=at, by_hand=True))
         blocks.append(([change(m) for m in models], one))
+        places.append(np.array([most]))
     four_wires = "measure the ac link's resistance with four wires, warm"
     what.append(Option(action=four_wires, minutes=_REBUILD_MIN, by_hand=True))
-    first = simulate_many(*blocks[0])
-    near = first[0].take(np.array([most]))
-    results = [first, *(simulate_many(models_, where, near) for models_, where in blocks[1:])]
-    seen = [_readings(r, channels) for r in results]
-    places = Points.join([where for _, where in blocks])
+    near = reference(like or models[0], points)
+    seen = [
+        _readings(simulate_many(models_, where, near.take(rows)), channels)
+        for (models_, where), rows in zip(blocks, places, strict=True)
+    ]
+    everywhere = Points.join([where for _, where in blocks])
     ohms = np.full((len(models), 1, len(channels)), np.nan)
     ohms[:, 0, 0] = [_link_Ohm(m) for m in models]
     return Options(
         what=tuple(what),
         readings=np.concatenate([*seen, ohms], axis=1),
         sigma=np.concatenate(
-            [_sigma(channels, np.asarray(places.power_W)), np.full((1, len(channels)), _WINDING_Ohm)]
+            [_sigma(channels, np.asarray(everywhere.power_W)), np.full((1, len(channels)), _WINDING_Ohm)]
         ),
-        points=places,
+        points=everywhere,
+        near=near.take(np.concatenate(places)),
     )
 
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from models.calibrated import CalibratedPhysics, calibrate
 from models.dataset import Measurements
-from models.diagnosis.bench_options import Allowed
+from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.gain import Gain, Readings, held_out_gains
 from models.diagnosis.hypotheses import Fit
@@ -47,9 +48,9 @@ class TooFewPoints(ValueError):
     """A measurement table too small to say anything; the message says how many rows are needed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """The verdict with everything that it rests on."""
+    """The verdict with everything that it rests on; what to measure next is found when it is asked for."""
 
     verdict: Verdict
     observations: Observations
@@ -59,21 +60,33 @@ class Diagnosis:
     gap: dict[str, Any]
     share: dict[str, float]
     gains: tuple[Gain, ...]
-    next: list[NextMeasurement]
     rivals: list[Rival]
     refinery: Refinery
     unexplained: Unexplained | None
     sight: list[Sight]
     extended: Model
-    calibrated: CalibratedPhysics
+    leading: Fit
+    sigma: Array
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
 
+    @cached_property
+    def next(self) -> list[NextMeasurement]:
+        """What is worth measuring next of everything, in its order."""
+        return self.steps(ANYTHING)
+
+    @cached_property
+    def calibrated(self) -> CalibratedPhysics:
+        """A surrogate: the simulator with what was found, and what it still leaves."""
+        with _one_thread():
+            return calibrate(self.refinery, self.leading, self.sigma)
+
     def steps(self, allowed: Allowed, most: int = MOST_STEPS) -> list[NextMeasurement]:
         """What is worth measuring next of what is allowed, in its order, so many measurements at most."""
-        return next_measurements(
-            self.observations, self.rivals, refinery=self.refinery, most=most, allowed=allowed
-        )
+        with _one_thread():
+            return next_measurements(
+                self.observations, self.rivals, refinery=self.refinery, most=most, allowed=allowed
+            )
 
     def residual_table(self) -> pd.DataFrame:
         """Measured less simulated by row: the rows' set points, one column a channel, and what is left over."""
@@ -89,8 +102,8 @@ class Diagnosis:
             table.iloc[self.unexplained.rows, table.columns.get_loc("leftover_W")] = self.unexplained.watts  # type: ignore[index]
         return table
 
-    def as_plain(self, model_file: str | None = None) -> dict[str, Any]:
-        """The JSON answer, schema 1."""
+    def as_plain(self, model_file: str | None = None, *, ahead: bool = True) -> dict[str, Any]:
+        """The JSON answer, schema 1; without ``ahead`` nobody asks what to measure next."""
         v = self.verdict
         return {
             "schema": 1,
@@ -102,7 +115,7 @@ class Diagnosis:
             "causes": [self._cause(c) for c in v.causes],
             "groups": [list(g) for g in v.groups],
             "unknown": {"probability": v.unknown_probability, "formula": None} | self._unexplained(),
-            "next": [n.as_plain() for n in self.next],
+            "next": [n.as_plain() for n in self.next] if ahead else [],
             "gain": self._gain(),
             "model": model_file,
             "sight": [s.as_plain() for s in self.sight],
@@ -255,6 +268,11 @@ def _outliers(setting: Setting) -> list[dict[str, Any]]:
     ]
 
 
+def _one_thread() -> threadpool_limits:
+    """Of many small matrices a second thread only costs."""
+    return threadpool_limits(limits=1, user_api="blas")
+
+
 def diagnose(
     measurements: Measurements,
     baseline: Model | None = None,
@@ -283,7 +301,7 @@ def diagnose(
     ParameterError
         ``without`` names an effect that the catalogue does not have.
     """
-    with threadpool_limits(limits=1, user_api="blas"):  # of many small matrices a second thread only costs
+    with _one_thread():
         return _diagnosed(measurements, baseline or Model.baseline(), without, seed, progress)
 
 
@@ -342,13 +360,13 @@ def _diagnosed(
         gap=_gap(observations, refinery.residual),
         share={c.effect: _share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
         gains=_gains(setting, hypotheses, verdict, seed),
-        next=next_measurements(observations, rivals, refinery=refinery),
         rivals=rivals,
         refinery=refinery,
         unexplained=nameless,
         sight=sight(refinery),
         extended=_extended(baseline, verdict, chosen),
-        calibrated=calibrate(refinery, chosen, setting.sigma),
+        leading=chosen,
+        sigma=setting.sigma,
         rejected=[*map(_plain_row, measurements.rejected), *rejected, *_outliers(setting)],
         rejected_columns=rejected_columns,
     )

@@ -92,12 +92,14 @@ class Term:
 class Fit:
     """A hypothesis fitted. ``shift`` (M,) is what it adds to the baseline, beside the linear part of the spreads.
 
-    ``log_evidence`` counts against an arbitrary constant that all fits of one geometry share.
+    ``log_evidence`` counts against an arbitrary constant that all fits of one geometry share. ``bend`` (n, N) is by how
+    much its simulation's unknowns were beside the straight lines that it started along.
     """
 
     terms: tuple[Term, ...]
     shift: Array
     log_evidence: float = -np.inf
+    bend: Array | float = 0.0
 
     @classmethod
     def nothing(cls, readings: int) -> Self:

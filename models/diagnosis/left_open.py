@@ -28,6 +28,7 @@ from models.diagnosis.observations import Channel, Observations, observe
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures, signatures
 from sim.operating_points import Points
+from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
@@ -36,10 +37,14 @@ _IDLE_W = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ahead:
-    """K points that could be measured, each by some channels; reading (k, c) is number ``K_channels * k + c``."""
+    """K points that could be measured, each by some channels; reading (k, c) is number ``K_channels * k + c``.
+
+    ``near`` is a simulation of these points to start from.
+    """
 
     points: Points
     channels: tuple[Channel, ...]
+    near: Result | None = None
 
     def observed(self, refinery: Refinery) -> tuple[Observations, NDArray[np.intp]]:
         """Them as observations without values, and the number of each of their readings."""
@@ -69,7 +74,9 @@ class LeftOpen:
 def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen:
     """What the measurements say and leave open of the readings ahead."""
     seen, number = ahead.observed(refinery)
-    known, there = refinery.known, signatures(seen, refinery.baseline)
+    effects, known = {name for fit in fits for name in fit.effects}, refinery.known
+    near = None if ahead.near is None else ahead.near.take(np.unique(seen.row))
+    there = signatures(seen, refinery.baseline, among=effects, near=near)
     accuracy = _Accuracy(refinery.observations, seen)
     across = known.spreads.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))

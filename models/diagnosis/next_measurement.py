@@ -131,7 +131,8 @@ def next_measurements(
     """
     if len(rivals) < 2:
         return []
-    options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed)
+    like = None if refinery is None else refinery.baseline
+    options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed, like)
     everything = _Race.of(options, rivals, refinery)
     present = [k for k, c in enumerate(CHANNELS) if c in observations.channels]
     steps, reached = everything.among(range(len(options.what)), present).steps(most, allowed.least_sigma)
@@ -167,7 +168,7 @@ class _Race:
         size = options.sigma.size
         expected, open_ = options.readings.reshape(len(rivals), size), np.zeros((len(rivals), size, size))
         if refinery is not None:
-            ahead = Ahead(points=options.points, channels=CHANNELS)
+            ahead = Ahead(points=options.points, channels=CHANNELS, near=options.near)
             found, known = (
                 left_open(refinery, ahead, [r.fit for r in rivals]),
                 len(options.points) * len(CHANNELS),

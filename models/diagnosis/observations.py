@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim.model import Model
 from sim.operating_points import Points
 from sim.parameters import Converter
-from sim.simulate import Result, reference, simulate_many
+from sim.simulate import Result, reference, simulate_each
 
 Array = NDArray[np.float64]
 
@@ -116,9 +116,16 @@ class Observations:
 
         ``near`` is a :meth:`reference` of these very readings.
         """
+        return [predicted for predicted, _ in self.solved(models, near)]
+
+    def solved(
+        self, models: Sequence[Model], near: Result | None = None, starts: Sequence[Array | None] = ()
+    ) -> list[tuple[Array, Array]]:
+        """The same, each with the unknowns (n, N) that were solved for, starting from such unknowns."""
         used, row = np.unique(self.row, return_inverse=True)
-        results = simulate_many(models, self.points.take(used), near)
-        return [self.predicted(result, row) for result in results]
+        at = self.points.take(used)
+        results = simulate_each([(model, at) for model in models], near, starts)
+        return [(self.predicted(result, row), result.state) for result in results]
 
 
 def points_of(frame: pd.DataFrame, converter: Converter) -> Points:

@@ -10,6 +10,7 @@ from models.diagnosis.geometry import Directions, Geometry, Projection
 from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
 from models.diagnosis.law import Laws
 from models.diagnosis.leftover import Leftover
+from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
@@ -30,7 +31,7 @@ _FAR_ENOUGH = 0.2  # standard deviations between two states that tell a slope
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refinery:
-    """Simulates hypotheses at their fitted values and spreads, each starting from ``near``."""
+    """Simulates hypotheses at their fitted values and spreads, each starting from ``near`` along ``lines``."""
 
     known: Signatures
     observations: Observations
@@ -38,6 +39,7 @@ class Refinery:
     geometry: Geometry
     laws: Laws = field(default_factory=Laws.none)
     near: Result | None = None
+    lines: Lines | None = None
 
     @property
     def residual(self) -> Array:
@@ -105,12 +107,21 @@ class Refinery:
         """
         states = [self.spreads(fit) for fit in fits]
         models = [self.model(fit, state) for fit, state in zip(fits, states, strict=True)]
-        seen = []
-        for fit, state, here in zip(fits, states, self.observations.simulate(models, self.near), strict=True):
+        starts = [self._start(fit, state) for fit, state in zip(fits, states, strict=True)]
+        solved, seen = self.observations.solved(models, self.near, starts), []
+        for fit, state, start, (here, there) in zip(fits, states, starts, solved, strict=True):
             shift = here - state @ self.known.spreads[: state.size] - self.known.baseline
-            seen.append(replace(fit, shift=np.where(np.isfinite(shift), shift, fit.shift)))
+            bend = 0.0 if start is None else fit.bend + np.nan_to_num(there - start)
+            seen.append(replace(fit, shift=np.where(np.isfinite(shift), shift, fit.shift), bend=bend))
         weighed = self.weighed_all(seen)
         return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(seen, weighed, strict=True)]
+
+    def _start(self, fit: Fit, spreads: Array) -> Array | None:
+        """Unknowns for a fit to start from, with these spreads."""
+        if self.lines is None:
+            return None
+        effects = [(key_of(t.effect, t.signature.other), t.distance) for t in fit.terms]
+        return self.lines.at(spreads, effects) + fit.bend
 
     def sharpened(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits with slopes that are simulated at their values, all spreads as they are."""
@@ -122,12 +133,11 @@ class Refinery:
             ]
             for fit in fits
         ]
-        models = [
-            self.model(f, state)
-            for fit, state, moved in zip(fits, states, aside, strict=True)
-            for f in (fit, *moved)
+        cases = [
+            (f, state) for fit, state, moved in zip(fits, states, aside, strict=True) for f in (fit, *moved)
         ]
-        seen = iter(self.observations.simulate(models, self.near))
+        models, starts = [self.model(*case) for case in cases], [self._start(*case) for case in cases]
+        seen = iter([here for here, _ in self.observations.solved(models, self.near, starts)])
         found = []
         for fit, moved in zip(fits, aside, strict=True):
             here = next(seen)
@@ -160,7 +170,8 @@ class Refinery:
                     going += self._onward([fit], leader)
                 else:
                     halved = 0.5 * (np.array([t.value for t in fit.terms]) - [t.value for t in known.terms])
-                    going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
+                    if np.any(np.abs(halved) > _STILL * there.sigma):
+                        going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
             leader = max([leader, *(f.log_evidence for f in best.values())])
             least = hopeless(leader, _BEHIND if turn < _LATE else _BEHIND_LATE)
             ahead = [f for f in going if best[_key(f)].log_evidence >= least]

@@ -59,14 +59,14 @@ def set_up(
     if (steadier := _steadier(observations, noise, first)) is not None:
         best = max(best, bench.settled(steadier), key=lambda settled: settled.log_evidence)
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
-    near = known.start(observations, baseline)
+    near, lines = known.start(observations, baseline)
     columns = law_columns(known.effects, observations, _state(observations, near))
     laws = Laws.of(columns, found.refinery.geometry)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
         found,
         far_off=best.left / usual[observations.channel],
-        refinery=replace(found.refinery, near=near, laws=laws),
+        refinery=replace(found.refinery, near=near, lines=lines, laws=laws),
     )
 
 

@@ -1,18 +1,20 @@
 """Signatures: how every effect, and every everyday spread, moves the whole vector of readings."""
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.inaccuracy import inaccuracy
+from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
-from sim.simulate import Points, Result, can_run, simulate_many
+from sim.simulate import Points, Result, can_run, simulate_each
 from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
@@ -58,7 +60,7 @@ class Signatures:
     tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
     ``per_watt`` (M,) its change for one watt more at the output. ``near`` is the baseline's simulation at ``rows`` of
-    the frame, for variants to start from.
+    the frame, for variants to start from, and ``lines`` are what they start along.
     """
 
     baseline: Array
@@ -71,12 +73,14 @@ class Signatures:
     inaccuracy: Array
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
+    lines: Lines | None = None
 
-    def start(self, observations: Observations, baseline: Model) -> Result:
-        """The baseline's simulation at the rows with readings."""
-        if self.near is None or self.rows is None:
-            return observations.reference(baseline)
-        return self.near.take(np.searchsorted(self.rows, np.unique(observations.row)))
+    def start(self, observations: Observations, baseline: Model) -> tuple[Result, Lines | None]:
+        """The baseline's simulation at the rows with readings, and the lines there."""
+        if self.near is None or self.rows is None or self.lines is None:
+            return observations.reference(baseline), None
+        used = np.searchsorted(self.rows, np.unique(observations.row))
+        return self.near.take(used), self.lines.take(used)
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
@@ -110,16 +114,24 @@ def step_of(entry: Effect) -> float:
 
 
 def signatures(
-    observations: Observations, baseline: Model, without: frozenset[str] = frozenset()
+    observations: Observations,
+    baseline: Model,
+    without: Collection[str] = (),
+    *,
+    among: Collection[str] | None = None,
+    near: Result | None = None,
 ) -> Signatures:
     """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call.
 
-    An effect that is left out as a cause still has its everyday tolerance.
+    An effect that is left out as a cause still has its everyday tolerance. ``among`` are those that are asked for, all
+    by default. ``near`` is a simulation of the rows with readings to start from.
     """
+    spreads = everyday_spread(baseline.converter)
     entries = [
         (name, entry, other)
         for name, entry in CATALOGUE.items()
         if applies(entry, baseline.converter)
+        and (among is None or name in among or _is_everyday(entry, spreads))
         for other in entry.variants()
     ]
     present = baseline.effects
@@ -127,15 +139,18 @@ def signatures(
     for name, entry, other in entries:
         start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
         models.append(baseline.with_effect(name, **{entry.headline.name: start + step_of(entry), **other}))
-    spreads = everyday_spread(baseline.converter)
     models += [Model(converter=s.shifted(baseline.converter, 1.0), effects=baseline.effects) for s in spreads]
-    near = observations.reference(baseline)
-    base, *moved = observations.simulate(models, near)
+    used, row = np.unique(observations.row, return_inverse=True)
+    at, near = observations.points.take(used), near or observations.reference(baseline)
+    cases = [*((model, at) for model in models), *((baseline, moved) for moved in _inputs(at))]
+    results = simulate_each(cases, near)
+    base, *moved = (observations.predicted(result, row) for result in results)
+    of_effects, of_spreads, of_inputs = np.split(np.stack(moved), [len(entries), len(entries) + len(spreads)])
     found = [
         Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
-        for (name, entry, other), after in zip(entries, moved[: len(entries)], strict=True)
+        for (name, entry, other), after in zip(entries, of_effects, strict=True)
     ]
-    (V1, V2), input_sigma, per_watt = _inputs(observations, baseline, base, near)
+    (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, of_inputs - base)
     effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
     everyday = {
         s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry, spreads)
@@ -149,13 +164,24 @@ def signatures(
         effects=effects,
         spread_entries=spreads,
         spread_names=(*(s.path for s in spreads), *everyday),
-        spreads=np.concatenate([np.stack(moved[len(entries) :]) - base, np.stack(list(everyday.values()))]),
+        spreads=np.concatenate([of_spreads - base, np.stack(list(everyday.values()))]),
         input_sigma=input_sigma,
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near),
-        rows=np.unique(observations.row),
+        rows=used,
         near=near,
+        lines=_lines(results, found, len(spreads)),
     )
+
+
+def _lines(results: Sequence[Result], found: Sequence[Signature], spreads: int) -> Lines:
+    """From the simulations of the baseline, of every effect at its step, and of so many spreads at one sigma."""
+    base, *moved = (result.state for result in results[: 1 + len(found) + spreads])
+    effects = {
+        key_of(s.effect, s.other): (there - base) / step_of(s.entry)
+        for s, there in zip(found, moved[: len(found)], strict=True)
+    }
+    return Lines.of(base, np.stack(moved[len(found) :]) - base, effects)
 
 
 def applies(entry: Effect, converter: Converter) -> bool:
@@ -203,25 +229,25 @@ def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bo
     return np.asarray(spare | ~np.asarray(p.pwm, dtype=bool))[observations.row]
 
 
-def _inputs(
-    observations: Observations, baseline: Model, base: Array, near: Result
-) -> tuple[tuple[Array, Array], Array, Array]:
-    """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2; and a watt more.
-
-    The noise of P2 is already in the replicates of the input power, which follows it; there it is zero. It is NaN
-    for a D0 that bends sharply over power: where two edges pass each other at light load D0 jumps for little.
-    """
-    used, row = np.unique(observations.row, return_inverse=True)
-    p = observations.points.take(used)
-    moved = [
+def _inputs(p: Points) -> list[Points]:
+    """The points with errors of V1, V2 and P2, and with more and less power."""
+    return [
         replace(p, V1_V=p.V1_V * (1 + _VOLTAGE_GAIN)),
         replace(p, V2_V=p.V2_V * (1 + _VOLTAGE_GAIN)),
         replace(p, power_W=p.power_W * (1 + _P2_NOISE)),
         replace(p, power_W=p.power_W * (1 + _APART)),
         replace(p, power_W=p.power_W * (1 - _APART)),
     ]
-    (result,) = simulate_many([baseline], Points.join(moved), near)
-    V1, V2, P2, more, less = (observations.predicted(result, row + k * used.size) - base for k in range(5))
+
+
+def _errors_of_inputs(observations: Observations, moved: Array) -> tuple[tuple[Array, Array], Array, Array]:
+    """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2; and a watt more.
+
+    ``moved`` (5, M) is what :func:`_inputs` change. The noise of P2 is already in the replicates of the input power,
+    which follows it; there it is zero. It is NaN for a D0 that bends sharply over power: where two edges pass each
+    other at light load D0 jumps for little.
+    """
+    V1, V2, P2, more, less = moved
     folded = observations.of("D0") & ~(np.abs(more + less) < _FOLD)
     P2 = np.where(folded, np.nan, P2)
     follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
