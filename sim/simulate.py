@@ -112,7 +112,7 @@ def simulate_each(
             first.altered_converter(), first.set_points(points), None, learn=len(variants) >= _MANY
         )
         results, seed = [_result(first, points, whole)], whole.seed
-    if variants and seed is not None:
+    if variants:
         distinct, slots = _circuits(variants)
         own = dict(zip(reversed(slots), reversed(starts), strict=True)) if starts else {}
         solved = _all_solved(distinct, seed, [own.get(k) for k in range(len(distinct))])
@@ -147,15 +147,16 @@ def _circuits(cases: Sequence[Case]) -> tuple[list[_Circuit], list[int]]:
 
 
 def _all_solved(
-    circuits: "list[_Circuit]", seed: "_Seed", starts: Sequence[Array | None]
+    circuits: "list[_Circuit]", seed: "_Seed | None", starts: Sequence[Array | None]
 ) -> "list[_Solution]":
     """Converters at their points, all in one call but for those that saturate."""
     found: dict[int, _Solution] = {}
     for chosen, converter, points in _stacked(circuits):
         size = len(points) // len(chosen)
         unknown = np.full((unknowns_of(converter), size), np.nan)
-        ahead = [unknown if start is None else start for start in (starts[k] for k in chosen)]
-        solved = _solve(converter, points, replace(seed, ahead=np.concatenate(ahead, axis=1)))
+        ahead = [unknown if own is None else own for own in (starts[k] for k in chosen)]
+        start = None if seed is None else replace(seed, ahead=np.concatenate(ahead, axis=1))
+        solved = _solve(converter, points, start)
         found |= {k: solved.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
     return [found[k] for k in range(len(circuits))]
 

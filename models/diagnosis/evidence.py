@@ -28,6 +28,7 @@ _SHARPENED = 6  # that get slopes simulated at their values
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
+_FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out, three times over
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a worse place than off
 _NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _REACH = 3.0  # prior scales that a line is trusted over
@@ -147,6 +148,9 @@ def _alone(refinery: Refinery) -> list[Fit]:
         if not line.terms[0].head.starts and curve.log_evidence < nothing.log_evidence
         for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
     ]
+    at_start = refinery.weighed_all(starts)
+    least = hopeless(nothing.log_evidence, _FAR_BEHIND)
+    starts = [fit for fit, w in zip(starts, at_start, strict=True) if w.log_evidence > least]
     tried = [*map(_tangent, lines, curves), *scans, *(refinery.simulated(starts) if starts else [])]
     once = _best(tried)
     leader = max(nothing.log_evidence, once[0].log_evidence)

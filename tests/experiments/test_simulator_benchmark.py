@@ -48,7 +48,9 @@ def test_without_ngspice_the_row_says_so_and_is_missed(
 
 
 def test_a_point_costs_processor_time() -> None:
-    assert GridCost(seconds=2.0, processor_s=1.0, feasible=5000, processes=1).per_point_s == pytest.approx(2e-4)
+    assert GridCost(seconds=2.0, processor_s=1.0, feasible=5000, processes=1).per_point_s == pytest.approx(
+        2e-4
+    )
 
 
 def test_drawn_points_run() -> None:

@@ -66,9 +66,11 @@ class LinearBench:
     value: Array
     effects: Sequence[Signature] = field(default_factory=tuple)
 
-    def simulate(self, models: Sequence[Model], near: object = None) -> list[Array]:
-        """Prediction of every reading by each model; a line needs no start to go from."""
-        return [self._predicted(model) for model in models]
+    def solved(
+        self, models: Sequence[Model], near: object = None, starts: object = ()
+    ) -> list[tuple[Array, Array]]:
+        """Prediction of every reading by each model; a line needs no start to go from, and leaves none."""
+        return [(self._predicted(model), np.empty((0, 0))) for model in models]
 
     def _predicted(self, model: Model) -> Array:
         total = np.zeros_like(self.value)
