@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 32
 _CAREFUL = 8  # every so many rounds orbits are closed before their losses are asked
+_BRANCH = 0.005  # of Th: a longer last step of the phase leads to another solution
 _MODERATE_K = 20.0  # above ambient
 
 
@@ -48,7 +49,30 @@ def operate(converter: Converter, points: Points, warm: WarmStart | None = None)
         station = replace(station, warm=first.regulated)
     else:
         station = replace(station, warm=station.nearer())
-    busy = np.flatnonzero(station.known.reached)
+    _settle(station, memory, np.flatnonzero(station.known.reached))
+    left, state = _stated(station)
+    rows = np.flatnonzero(station.known.reached)
+    moved = np.flatnonzero(np.abs(state.regulated.phase - left.known.phase) > _BRANCH)
+    if moved.size:  # the last solution left a falling branch: temperatures are others there
+        station.known.put(rows[moved], state.regulated.take(moved))
+        _settle(station, memory, rows[moved])
+        left, state = _stated(station)
+    return Outcome(reached=station.known.reached, most_W=station.known.most_W, state=state, station=left)
+
+
+def _stated(station: Station) -> tuple[Station, OperatingState]:
+    """The last solution of all points that are reached; what drops in it is so no more."""
+    while True:
+        rows = np.flatnonzero(station.known.reached)
+        left = station.take(rows)
+        state = left.solve(FINE)
+        if np.all(state.regulated.reached):
+            return left, state
+        station.known.reached[rows] = state.regulated.reached
+
+
+def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None:
+    """Rounds on some points of a station, which is written to, until temperatures and power have settled."""
     for turn in range(_ROUNDS):
         part = station.take(busy)
         if turn % _CAREFUL == _CAREFUL - 1:
@@ -63,14 +87,6 @@ def operate(converter: Converter, points: Points, warm: WarmStart | None = None)
         busy = busy[~settled & stays]
         if not busy.size:
             break
-    while True:  # what drops in the last solution is not stated
-        rows = np.flatnonzero(station.known.reached)
-        left = station.take(rows)
-        state = left.solve(FINE)
-        if np.all(state.regulated.reached):
-            known = station.known
-            return Outcome(reached=known.reached, most_W=known.most_W, state=state, station=left)
-        station.known.reached[rows] = state.regulated.reached
 
 
 def _near(part: Station, ahead: Slow) -> NDArray[np.bool_]:

@@ -34,6 +34,9 @@ _HIGH, _FURTHEST = (
 )  # a peak is where the lossless power is this share of its most, or a little beyond
 _PEAK_ABOVE = 0.95  # the peak stands above the power at phase 1/2 by less than this leaves
 _FLAT = 0.42  # where the lossless power is within 3 % of its most, Newton's rule is not asked
+_MAY_FALL = 0.35  # a phase beyond which the power may fall: losses move the peak from 1/2 to no less
+_BACK = 1e-3  # from such a phase, to see whether it does
+_BACK_ROUNDS = 2  # of Newton's rule: so short a way is all but straight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +133,7 @@ def regulate(
             circuit.take(asked), edges[:, asked], state[:, asked], demand.take(asked), accuracy=accuracy
         )
         orbit = part.among(way.size, asked)
+    met[_falling(circuit, edges, state, target_W, among=met)] = False
     again = np.flatnonzero(~met)
     if again.size:
         search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again], accuracy)
@@ -140,6 +144,19 @@ def regulate(
         )
         orbit = orbit.renewed(again, part)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
+
+
+def _falling(
+    circuit: Circuit, edges: Array, state: Array, target_W: Array, among: NDArray[np.bool_]
+) -> NDArray[np.intp]:
+    """Which states (6, N) that carry their target lie beyond the peak: a little less phase carries more."""
+    doubtful = np.flatnonzero(among & (np.abs(state[5]) > _MAY_FALL))
+    if not doubtful.size:
+        return doubtful
+    before = state[:, doubtful]
+    before[5] -= np.copysign(_BACK, before[5])
+    _, orbit, _ = settle(circuit.take(doubtful), edges[:, doubtful], before, None, rounds=_BACK_ROUNDS)
+    return doubtful[np.abs(orbit.output_power_W()) > np.abs(target_W[doubtful])]
 
 
 def _start(

@@ -231,3 +231,14 @@ def test_the_table_holds_inputs_flags_and_every_result(baseline_grid: Result) ->
     table = baseline_grid.columns()
     assert list(table)[:5] == ["D1", "D2", "P_set_W", "feasible", "reason"]
     assert {column.shape for column in table.values()} == {(12500,)}
+
+
+@pytest.mark.parametrize(
+    ("D1", "D2", "power_W"), [(0.731366, 0.607977, 1263.281), (0.780367, 0.763134, 863.871)]
+)
+def test_near_the_peak_more_power_is_more_phase(D1: float, D2: float, power_W: float) -> None:
+    """Newton's rule settles some of these on the falling side, where more power is less phase."""
+    power = power_W * np.linspace(0.995, 1.0, 61)
+    result = simulate(Model.baseline(), Points(D1=np.full(61, D1), D2=np.full(61, D2), power_W=power))
+    assert result.feasible.all()
+    assert np.all(np.diff(result["D0"]) > 0)
