@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 _ROUNDS = 32
 _CAREFUL = 8  # every so many rounds orbits are closed before their losses are asked
 _BRANCH = 0.005  # of Th: a longer last step of the phase leads to another solution
+_ABSURD = 3.0  # times the power of the round before, or the rated one
 _MODERATE_K = 20.0  # above ambient
 
 
@@ -82,11 +83,18 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
             (state, onward), stays = part.follow(), np.ones(busy.size, dtype=bool)
         ahead = part.ahead(state)
         settled = state.regulated.reached & _near(part, ahead)
+        stays &= _possible(part, ahead)
         station.known.put(busy, replace(onward, reached=stays))
         station.slow.put(busy, memory.step(busy, part.slow.by_name(), ahead.by_name()))
         busy = busy[~settled & stays]
         if not busy.size:
             break
+
+
+def _possible(part: Station, ahead: Slow) -> NDArray[np.bool_]:
+    """Whether the secondary bridge is asked for no more than some loss could explain: an orbit that got lost is not."""
+    most_W = _ABSURD * np.maximum(np.abs(part.slow.target_W), part.converter.rated_power_W)
+    return np.asarray(np.abs(ahead.target_W) < most_W)
 
 
 def _near(part: Station, ahead: Slow) -> NDArray[np.bool_]:

@@ -242,3 +242,13 @@ def test_near_the_peak_more_power_is_more_phase(D1: float, D2: float, power_W: f
     result = simulate(Model.baseline(), Points(D1=np.full(61, D1), D2=np.full(61, D2), power_W=power))
     assert result.feasible.all()
     assert np.all(np.diff(result["D0"]) > 0)
+
+
+def test_a_point_that_gets_lost_at_the_limit_is_infeasible_and_costs_no_other() -> None:
+    """Hot and at the very most that can be carried, rounds may leap to absurd powers."""
+    hot = Model.baseline().with_effect("link_resistance", resistance_Ohm=0.5)
+    hot = hot.with_effect("thermal_resistance", relative=1.0)
+    power = np.array([1000.0, 2139.8056061221296])
+    result = simulate(hot, Points(D1=np.ones(2), D2=np.zeros(2), power_W=power, ambient_C=np.full(2, 40.0)))
+    assert result.feasible.tolist() == [True, False]
+    assert result.reason[1]
