@@ -248,12 +248,24 @@ def _larger(
     candidates = _on_tangents(refinery, nothing, pairs) if len(base[0].terms) == 1 else []
     for fit in _sorted(base)[:_TO_EXTEND]:
         candidates += _on_tangents(refinery, fit, [(t,) for t in terms])
-    candidates = _best(replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates)
-    chosen = [f for f in candidates if log_probability(f) > leading - _IN_REACH][:most]
+    candidates = [replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates]
+    candidates = [f for f in candidates if log_probability(f) > leading - _IN_REACH]
+    chosen = _best(candidates)[:most]
     if not chosen:
         return []
+    chosen += _other_variants(chosen, candidates)
     leader = max(f.log_evidence for f in fits)
     return _best(refinery.followed(refinery.simulated(chosen), leader))
+
+
+def _other_variants(chosen: Sequence[Fit], candidates: Sequence[Fit]) -> list[Fit]:
+    """The same effects as what is chosen, with another threshold, or another slope of what is far from a line.
+
+    Which of them is best on tangents says little: slopes end at different values, and heat moves a threshold's rows.
+    """
+    sets, known = {f.effects for f in chosen}, {id(f) for f in chosen}
+    same = [f for f in candidates if f.effects in sets and id(f) not in known]
+    return [f for f in same if any(t.head.starts or t.signature.entry.threshold for t in f.terms)]
 
 
 def _term(signature: Signature) -> Term:
