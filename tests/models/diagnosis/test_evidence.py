@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from models.diagnosis.evidence import log_prior, posterior, search
+from models.diagnosis.evidence import _other_variants, log_prior, posterior, search
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
@@ -144,3 +144,11 @@ def test_a_slope_that_was_learned_wrongly_is_simulated_anew() -> None:
     np.testing.assert_allclose(sharp.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
     was, becomes = (bench.weighed(fit).sigma[0] for fit in (wrong, sharp))
     assert was < 0.5 * becomes  # and would have been believed
+
+
+def test_every_threshold_of_what_is_chosen_is_followed_and_no_second_line() -> None:
+    along = np.array([1.0, 0.0])
+    chosen, other = fit_of("fan_step", along, value=3.0), fit_of("fan_step", along, value=6.0)
+    lines = [fit_of("link_resistance", along, value=v) for v in (0.02, 0.04)]
+    (found,) = _other_variants([chosen, lines[0]], [chosen, other, *lines])
+    assert found is other
