@@ -242,15 +242,3 @@ def test_near_the_peak_more_power_is_more_phase(D1: float, D2: float, power_W: f
     result = simulate(Model.baseline(), Points(D1=np.full(61, D1), D2=np.full(61, D2), power_W=power))
     assert result.feasible.all()
     assert np.all(np.diff(result["D0"]) > 0)
-
-
-def test_a_point_that_gets_lost_at_the_limit_is_infeasible_and_costs_no_other() -> None:
-    """At the very most that can be carried the rounds leap, from 2196 W to half a megawatt."""
-    model = Model.baseline().with_effect("skin_effect", extra_at_fs=0.45634324346534705)
-    points = Points(
-        D1=np.ones(2), D2=np.zeros(2), power_W=np.array([1000.0, 2194.5]), time_s=np.full(2, 72540.0),
-        V1_V=np.full(2, 299.89455393561406), V2_V=np.full(2, 140.07892992509784),
-    )  # fmt: skip
-    result = simulate(model, points)
-    assert result.feasible.tolist() == [True, False]
-    assert result.reason[1]
