@@ -37,17 +37,22 @@ def path_integrals(
     ``square`` (10, N) are the integrals of the squared current that its resistances carry.
     """
     half_period = np.sum(pieces.duration_s, axis=0)
-    charge = pieces.sign * pieces.charge()
-    live = np.abs(voltage_V) > 0.5 * link_V
-    along = voltage_V * pieces.sign > 0
+    charge, live = pieces.charge(), np.abs(voltage_V) > 0.5 * link_V
+    positive = 0.5 + 0.5 * pieces.sign  # a share where the sign is a mean
+    along = np.where(live, np.where(voltage_V > 0, positive, 1.0 - positive), 0.0)
+    against = np.where(live, 1.0 - along, 0.0)
+    signed = np.where(voltage_V > 0, charge, -charge)
 
-    def mean(chosen: NDArray[np.bool_]) -> PathIntegrals:
+    def mean(charge: Array, square: Array) -> PathIntegrals:
         return PathIntegrals(
-            mean_A=np.sum(np.where(chosen, charge, 0.0), axis=0) / half_period,
-            square_A2=np.sum(np.where(chosen, square, 0.0), axis=0) / half_period,
+            mean_A=np.sum(charge, axis=0) / half_period, square_A2=np.sum(square, axis=0) / half_period
         )
 
-    return mean(live & along), mean(live & ~along), mean(~live)
+    return (
+        mean(along * signed, along * square),
+        mean(-against * signed, against * square),
+        mean(np.where(live, 0.0, pieces.sign * charge), np.where(live, 0.0, square)),
+    )
 
 
 def conduction_losses(converter: Converter, t: Temperatures, pieces: Pieces, V1_V: Array) -> dict[str, Array]:

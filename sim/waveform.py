@@ -29,6 +29,7 @@ from sim.pieces import Pieces
 Array = NDArray[np.float64]
 
 _NEVER = -0.999999  # of a decay's asymptote: what the line alone carries over is left to Newton's rule
+_INSTANT_S = 1e-30
 _CROSSINGS = 2  # steps: the line is a hundredth of the slope
 
 
@@ -116,6 +117,13 @@ class Steps:
             nvs_V=staircase(level[2] + level[3], np.where(of_secondary, ordered, 0.0)),
         )
 
+    def stretch(self, k: int) -> tuple[Array, Array]:
+        """Length (N,) of a stretch, and of what of it lies before the half period: its last one goes on in the next."""
+        if k not in (0, 4):
+            return self.duration_s[k], np.zeros_like(self.duration_s[k])
+        before = self.duration_s[4] if k == 0 else np.zeros_like(self.duration_s[4])
+        return self.duration_s[0] + self.duration_s[4], before
+
     def magnetizing(self, circuit: Circuit) -> tuple[Array, Array]:
         """Magnetizing current at the start of each stretch, and its slope there, (5, N)."""
         slope = self.nvs_V / circuit.magnetizing_H
@@ -184,10 +192,53 @@ class _Moment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Turning:
+    r"""Points whose current may change its sign in a stretch shorter than a dead time, all (K,).
+
+    Both ends of such a stretch are instants that stand for swings under way. Its voltage is a mean, and may be none at
+    all, where that of the link runs through zero: the current does not rest there, as it would with drops that take
+    the sign of i all at once. The mean sign is that of dry friction (:func:`sim.commutation.mean_sign`) with the
+    current spread by what half a link voltage of the primary makes of it, less the nearer the stretch is to a dead
+    time. Drops are those of both signs by their shares; V0 has the sign.
+
+    Assumption: that spread. It mends the gap in power wherever it is above the threshold.
+    """
+
+    rows: NDArray[np.intp]
+    sign: Array
+    V0: Array
+    R: Array
+
+    @classmethod
+    def of(cls, circuit: Circuit, moment: _Moment, current_A: Array, stretch: tuple[Array, Array]) -> Self:
+        """From a current, with the length of its stretch and the time since it began."""
+        length_s, past_s = stretch
+        far = length_s / circuit.inductance_H * (np.abs(moment.vp_V - moment.nvs_V) + circuit.V1_V)
+        rows = np.flatnonzero((length_s < circuit.dead_time_s) & (np.abs(current_A) < far))
+        part, vp_V, nvs_V, one = circuit.take(rows), moment.vp_V[rows], moment.nvs_V[rows], np.ones(rows.size)
+        (up_V, up_R), (down_V, down_R) = (_drops(part, vp_V, nvs_V, sign) for sign in (one, -one))
+        per_L, past = (
+            length_s[rows] / part.inductance_H,
+            past_s[rows] / np.maximum(length_s[rows], _INSTANT_S),
+        )
+        change, held = per_L * (vp_V - nvs_V), 0.5 * per_L * (up_V + down_V)
+        spread = 0.5 * per_L * part.V1_V * (1.0 - length_s[rows] / part.dead_time_s)
+        moved = 2.0 * (current_A[rows] - past * change) + change + np.clip(change, -held, held)
+        total = np.maximum(np.abs(change), held) + held + spread - 2.0 * past * held
+        turns = np.abs(moved) < total
+        sign = moved / np.where(turns, total, np.inf)
+        up, down = 0.5 + 0.5 * sign, 0.5 - 0.5 * sign
+        whole = (sign, up * up_V - down * down_V, up * up_R + down * down_R)
+        mean, V0, R = (values[turns] for values in whole)
+        return cls(rows=rows[turns], sign=mean, V0=V0, R=R)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Start:
     """Pieces from a current at known voltages: what drives it, how it decays, the sign that it has or takes.
 
-    A piece ends at the latest when the current reaches ``until_A``: zero, or the next bend of the flux. ``share`` is
+    A piece ends at the latest when the current reaches ``until_A``: zero, or the next bend of the flux. In a stretch in
+    which the sign turns while legs swing it is a mean, and its piece lasts. ``share`` is
     that of the magnetizing current, ``line_A`` and ``line_A_per_s`` the straight part that it makes.
     """
 
@@ -202,16 +253,31 @@ class _Start:
     line_A_per_s: Array
 
     @classmethod
-    def of(cls, circuit: Circuit, moment: _Moment, current_A: Array) -> "_Start":
+    def of(
+        cls, circuit: Circuit, moment: _Moment, current_A: Array, stretch: tuple[Array, Array] | None
+    ) -> "_Start":
+        """From a current; first in a stretch with that one's length and the time since it began."""
         v = moment.vp_V - moment.nvs_V
         resting = current_A == 0
         sign = np.where(resting, np.sign(v), np.sign(current_A))
         V0, R = _drops(circuit, moment.vp_V, moment.nvs_V, sign)
         held = resting & (np.abs(v) <= V0)
         push_V = np.where(held, 0.0, v - sign * V0)
+        turning = None
+        if stretch is not None and np.any(stretch[0] < circuit.dead_time_s):
+            turning = _Turning.of(circuit, moment, current_A, stretch)
+            rows = turning.rows
+            sign[rows], held[rows], R[rows], push_V[rows] = (
+                turning.sign,
+                False,
+                turning.R,
+                v[rows] - turning.V0,
+            )
         relative, until = np.ones_like(v), np.where(resting, np.nan, 0.0)
         if circuit.bends_A.size:
             relative, until = _band(circuit, current_A, sign, push_V - R * current_A)
+        if turning is not None:
+            until[turning.rows] = np.nan
         inertia_H = relative * (circuit.inductance_H + R * circuit.eddy_s)
         share = np.where(held, 0.0, circuit.behind_Ohm / np.where(R > 0, R, np.inf))
         line_A_per_s = share * moment.magnetizing_A_per_s
@@ -280,7 +346,7 @@ def march(circuit: Circuit, steps: Steps, start_A: Array) -> Pieces:
         moving = np.arange(i.size)
         rows: slice | NDArray[np.intp] = slice(None)  # all of them, without the cost of picking
         for m in range(each):
-            piece = _Start.of(part, moment, now)
+            piece = _Start.of(part, moment, now, steps.stretch(k) if m == 0 else None)
             end = piece.after(left)
             beyond = slice(each * k + m, each * (k + 1))
             length[each * k + m, rows] = left

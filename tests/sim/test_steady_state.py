@@ -30,12 +30,14 @@ def test_every_orbit_closes(case: Case) -> None:
 
 def test_power_lost_between_the_bridges_is_what_the_drops_take(case: Case) -> None:
     pieces, c = case.orbit.pieces, case.circuit
-    live, along = np.abs(pieces.vp_V) > 1.0, pieces.vp_V * pieces.sign > 0
-    V0, R = (np.where(live, np.where(along, c.forward[k], c.reverse[k]), c.zero[k]) for k in (0, 1))
+    live, along = np.abs(pieces.vp_V) > 1.0, 0.5 + 0.5 * np.sign(pieces.vp_V) * pieces.sign
+    mean = along * c.forward[:, None] + (1 - along) * c.reverse[:, None]
+    signed = np.sign(pieces.vp_V) * (along * c.forward[0] - (1 - along) * c.reverse[0])
+    R, drop_V = np.where(live, mean[1], c.zero[1]), np.where(live, signed, pieces.sign * c.zero[0])
     eddy = c.inductance_H * c.eddy_s * pieces.squared_slope()
     # what lies behind the magnetizing inductance carries the current less the magnetizing one
     heat = R * pieces.square() + c.behind_Ohm * (pieces.secondary_square() - pieces.square())
-    lost = np.sum(V0 * pieces.sign * pieces.charge() + heat + eddy, axis=0) / c.half_period_s
+    lost = np.sum(drop_V * pieces.charge() + heat + eddy, axis=0) / c.half_period_s
     between = case.orbit.input_power_W() - case.orbit.output_power_W()
     # closed forms on both sides: only rounding and the closing error (1e-10) remain
     np.testing.assert_allclose(between, lost, rtol=0, atol=1e-6 * np.abs(case.orbit.input_power_W()).max())
