@@ -34,6 +34,7 @@ STEP = 2 * DEAD_TIME_S * FREQUENCY_HZ  # 200 ns in half periods
 MEDIAN_BAR, LARGE_BAR = 2.0, 6.0
 SOLVED, HALF_WAY = "solved for the row's power", "half way from solved to that middle"
 _CELSIUS = 25.0
+_FREE, _FITTED = 121, 1.0  # values of D0 that are tried; per cent of both currents together
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +71,7 @@ def reference_findings(path: Path | None) -> Findings:
             goal for said, name in judged.items() for goal in _goals(f"{known}, {said}", *errors[name])
         ),
         tables=(Table(title="PLECS points by the D0 that is taken", columns=_HEAD, rows=table),),
-        notes=(_explained(rows, own, solved.feasible),),
+        notes=(_explained(rows, own, solved.feasible), _floor(rows, own)),
     )
 
 
@@ -112,6 +113,26 @@ def _explained(rows: _Rows, own: Array, feasible: NDArray[np.bool_]) -> str:
         "spread ones would lie within 0.25 (0.45): the loop hunts across a modulator's steps, and half a step of D0 "
         f"moves the rms current by {100 * np.nanmedian(sensitivity):.1f} % (median; 90 %: "
         f"{100 * np.nanquantile(sensitivity, 0.9):.0f} %), which is the residue"
+    )
+
+
+def _floor(rows: _Rows, own: Array) -> str:
+    """Where in a step those D0 lie that the waveforms themselves tell, and those that the power does."""
+    D2, off = np.asarray(rows.points.D2), np.linspace(-1.5, 1.5, _FREE) * STEP
+    errors = [np.hypot(*_errors(rows, own + x - D2)) for x in off]
+    known = np.flatnonzero(np.isfinite(own))
+    best = np.argmin(np.stack(errors)[:, known], axis=0)
+    left = np.min(np.stack(errors)[:, known], axis=0)
+    told = (own[known] + off[best])[left < _FITTED] / STEP
+    free, solved = (np.bincount(np.round(4 * place).astype(int) % 4, minlength=4) / place.size for place in (
+        told, own[known] / STEP
+    ))  # fmt: skip
+    return (
+        f"reference: left free, D0 fits rms and peak-to-peak together within {_FITTED:g} % in {told.size} rows. By "
+        f"quarters of a step, {100 * free[2]:.0f} % of these D0 lie at its middle and {100 * free[0]:.0f} % at the "
+        "limit of two steps; those solved for the power are evenly spread "
+        f"({100 * solved[2]:.0f} and {100 * solved[0]:.0f} %): waveforms belong to few places of a step, powers to "
+        "any, so D0 solved for the power is off by a part of a step whoever solves it"
     )
 
 
