@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from bench.errors import InputError, Problem
 from sim.parameters import Converter, ParameterError
 from sim.space import CONDITIONS, SET_POINT, Axis, Space, check_inputs, input_names
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ALLOWED = {
     "D1": (0.0, 1.0, "a number from 0 to 1"),
@@ -70,8 +73,10 @@ def _axis(text: str, converter: Converter) -> Axis:
     return Axis(name=name, values=np.linspace(low, high, count))
 
 
-def read_points(path: Path, converter: Converter) -> tuple[pd.DataFrame, tuple[str, ...]]:
+def read_points(path: Path, converter: Converter) -> "tuple[pd.DataFrame, tuple[str, ...]]":
     """A table of set points, and those of its columns that are no inputs; InputError names every bad cell."""
+    import pandas as pd  # here: it takes as long to load as a grid takes to solve
+
     try:
         table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
     except (OSError, ValueError) as error:
@@ -95,8 +100,10 @@ def read_points(path: Path, converter: Converter) -> tuple[pd.DataFrame, tuple[s
     return table, tuple(str(name) for name in table.columns if name not in names)
 
 
-def _bad_cells(table: pd.DataFrame, name: str, path: Path) -> list[Problem]:
+def _bad_cells(table: "pd.DataFrame", name: str, path: Path) -> list[Problem]:
     low, high, said = ALLOWED.get(name, _ANY)
+    import pandas as pd
+
     values = pd.to_numeric(table[name], errors="coerce")
     rows = np.flatnonzero(~(values.between(low, high) & np.isfinite(values)))
     return [

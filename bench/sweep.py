@@ -16,10 +16,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -28,6 +27,9 @@ from bench.table_file import check_ending
 from bench.workers import Workers, on_dask, on_processes
 from sim.model import Model
 from sim.space import Columns, Space, solve_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CHUNK_ROWS = 12_500
 _JOB = "sweep.json"
@@ -51,7 +53,7 @@ class Rows(Protocol):
 class TableRows:
     """The rows of a table that is in memory."""
 
-    table: pd.DataFrame
+    table: "pd.DataFrame"
 
     def __len__(self) -> int:
         return len(self.table)
@@ -191,7 +193,7 @@ def _put_together(sweep: Sweep, resumed: int) -> Swept:
             table = pq.read_table(sweep.part(k))
             flags = np.asarray(table["feasible"])
             feasible += int(flags.sum())
-            reasons.update(np.asarray(table["reason"].to_pandas())[~flags].tolist())
+            reasons.update(table["reason"].filter(pa.array(~flags)).to_pylist())
             output.append(table)
     os.chmod(beside, 0o644)
     os.replace(beside, sweep.out)

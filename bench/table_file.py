@@ -4,10 +4,12 @@ import hashlib
 import os
 import tempfile
 from pathlib import Path
-
-import pandas as pd
+from typing import TYPE_CHECKING
 
 from bench.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ENDINGS = (".csv", ".parquet")
 
@@ -18,7 +20,7 @@ def check_ending(path: Path, option: str = "--out") -> None:
         raise InputError.of("command line", option, str(path), f"the name must end in {' or '.join(ENDINGS)}")
 
 
-def write_table(table: pd.DataFrame, path: Path) -> None:
+def write_table(table: "pd.DataFrame", path: Path) -> None:
     """Write ``table`` in one step; a number read back is the number written."""
     check_ending(path)
     path.parent.mkdir(parents=True, exist_ok=True)

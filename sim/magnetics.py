@@ -17,10 +17,10 @@ Assumption: minor loops are not split off.
 """
 
 from dataclasses import dataclass
+from math import gamma
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gamma
 
 from sim.circuit import Temperatures
 from sim.parameters import Converter, Core, Quantity, Winding
