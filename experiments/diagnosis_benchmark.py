@@ -27,6 +27,7 @@ from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 
 FIRST_SEED = 21_500
+PROCESSES = 2  # as the command takes
 BARS_S = {100: 1.5, 400: 10.0}  # by the points of a table
 HIDDEN: tuple[tuple[tuple[str, float], ...], ...] = (
     (),
@@ -81,7 +82,7 @@ def cost(trial: BlindTrial, settings: Settings) -> Cost:
     """The time of one diagnosis, from the table on."""
     table = measured(trial)
     start_s, before_s = settings.now(), processor_s()
-    verdict = diagnose(load_measurements(table)).as_plain()["verdict"]
+    verdict = diagnose(load_measurements(table), processes=PROCESSES).as_plain()["verdict"]
     return Cost(
         points=trial.points,
         hidden=" + ".join(trial.names) or "nothing",

@@ -23,6 +23,7 @@ from sim.neighbours import Response, approach, started, unknowns_of
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
+from sim.side_by_side import shared_out, side_by_side
 from sim.stacking import pick, stack
 from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, WarmStart, station_of
 
@@ -43,6 +44,7 @@ Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
 _SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
+_WORTH_A_FORK = 1500  # rows in each process: as long as a fork takes
 _MANY = 4  # variants at once that pay for their response being learned
 
 
@@ -99,11 +101,15 @@ def simulate_many(models: Sequence[Model], points: Points, near: Result | None =
 
 
 def simulate_each(
-    cases: "Sequence[Case]", near: Result | None = None, starts: Sequence[Array | None] = ()
+    cases: "Sequence[Case]",
+    near: Result | None = None,
+    starts: Sequence[Array | None] = (),
+    processes: int = 1,
 ) -> list[Result]:
     """The same, each variant at points of its own, as many of them for each.
 
-    ``starts`` are states (n, N) of the results of near variants; a variant with one starts there.
+    ``starts`` are states (n, N) of the results of near variants; a variant with one starts there. What is worth it is
+    shared between so many ``processes``; only a program that owns its process may ask for more than one.
     """
     variants, results, seed = list(cases), [], None if near is None else near.seed
     if seed is None:
@@ -115,7 +121,8 @@ def simulate_each(
     if variants:
         distinct, slots = _circuits(variants)
         own = dict(zip(reversed(slots), reversed(starts), strict=True)) if starts else {}
-        solved = _all_solved(distinct, seed, [own.get(k) for k in range(len(distinct))])
+        starting = [own.get(k) for k in range(len(distinct))]
+        solved = _all_solved(distinct, seed, starting, processes)
         results += [_result(*case, solved[k]) for case, k in zip(variants, slots, strict=True)]
     return results
 
@@ -147,17 +154,25 @@ def _circuits(cases: Sequence[Case]) -> tuple[list[_Circuit], list[int]]:
 
 
 def _all_solved(
-    circuits: "list[_Circuit]", seed: "_Seed | None", starts: Sequence[Array | None]
+    circuits: "list[_Circuit]", seed: "_Seed | None", starts: Sequence[Array | None], processes: int
 ) -> "list[_Solution]":
-    """Converters at their points, all in one call but for those that saturate."""
-    found: dict[int, _Solution] = {}
-    for chosen, converter, points in _stacked(circuits):
-        size = len(points) // len(chosen)
-        unknown = np.full((unknowns_of(converter), size), np.nan)
-        ahead = [unknown if own is None else own for own in (starts[k] for k in chosen)]
-        start = None if seed is None else replace(seed, ahead=np.concatenate(ahead, axis=1))
-        solved = _solve(converter, points, start)
-        found |= {k: solved.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
+    """Converters at their points, all in one call but for those that saturate, and a call in each process."""
+    size = len(circuits[0][1])
+
+    def solved(part: NDArray[np.intp]) -> "dict[int, _Solution]":
+        found: dict[int, _Solution] = {}
+        for some, converter, points in _stacked([circuits[k] for k in part]):
+            chosen, unknown = part[some].tolist(), np.full((unknowns_of(converter), size), np.nan)
+            ahead = [unknown if own is None else own for own in (starts[k] for k in chosen)]
+            start = None if seed is None else replace(seed, ahead=np.concatenate(ahead, axis=1))
+            whole = _solve(converter, points, start)
+            found |= {k: whole.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
+        return found
+
+    shared = processes if len(circuits) * size >= processes * _WORTH_A_FORK else 1
+    found = {
+        k: v for part in side_by_side(solved, shared_out(len(circuits), shared)) for k, v in part.items()
+    }
     return [found[k] for k in range(len(circuits))]
 
 

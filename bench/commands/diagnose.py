@@ -42,6 +42,7 @@ def diagnose(
     without: Annotated[
         list[str] | None, typer.Option(metavar="EFFECT", help="leave an effect out of the catalogue")
     ] = None,
+    processes: Annotated[int, typer.Option(min=1, help="share large simulations between so many")] = 2,
     db: Database = None,
 ) -> None:
     """Name what the simulation gets wrong, with evidence; extend the model; measure the gain."""
@@ -50,7 +51,11 @@ def diagnose(
     frame, campaign_id, virtual = measured(data, db)
     stamp(virtual)
     found = find_cause(
-        frame, model_from(model), without=without or (), progress=lambda said: err.print(escape(said))
+        frame,
+        model_from(model),
+        without=without or (),
+        progress=lambda said: err.print(escape(said)),
+        processes=processes,
     )
     out_dir.mkdir(parents=True, exist_ok=True)
     write_model(out_dir / "model.toml", found.extended)

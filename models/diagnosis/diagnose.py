@@ -280,6 +280,7 @@ def diagnose(
     without: Collection[str] = (),
     seed: int = 0,
     progress: Callable[[str], None] = lambda said: None,
+    processes: int = 1,
 ) -> Diagnosis:
     """Diagnose a measurement table against a simulation model.
 
@@ -291,6 +292,8 @@ def diagnose(
         What the measurements are compared with; the prototype by default.
     without : names of effects
         Left out of the catalogue: what they do must then come out as unknown.
+    processes : int
+        That share large simulations, by forks; more than one only for a program that owns its process.
 
     Raises
     ------
@@ -302,7 +305,7 @@ def diagnose(
         ``without`` names an effect that the catalogue does not have.
     """
     with _one_thread():
-        return _diagnosed(measurements, baseline or Model.baseline(), without, seed, progress)
+        return _diagnosed(measurements, baseline or Model.baseline(), without, seed, progress, processes)
 
 
 def _diagnosed(
@@ -311,9 +314,10 @@ def _diagnosed(
     without: Collection[str],
     seed: int,
     progress: Callable[[str], None],
+    processes: int,
 ) -> Diagnosis:
     left_out = frozenset(effect(name).name for name in without)
-    observations = observe(measurements.frame, baseline.converter)
+    observations = observe(measurements.frame, baseline.converter, processes)
     if int(observations.loaded.sum()) < LEAST_ROWS:
         raise TooFewPoints(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"

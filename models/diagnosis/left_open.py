@@ -55,7 +55,7 @@ class Ahead:
                    "T_ambient_C": p.ambient_C, "time_s": p.time_s, "range_I1_A": p.range_I1_A}  # fmt: skip
         frame = pd.DataFrame({name: np.broadcast_to(value, size) for name, value in columns.items()})
         frame = frame.assign(kind=kind, **{c.column: 1.0 for c in self.channels})
-        seen = observe(frame, refinery.baseline.converter)
+        seen = observe(frame, refinery.baseline.converter, refinery.observations.processes)
         place = np.array([self.channels.index(c) for c in seen.channels])
         return seen, len(self.channels) * seen.row + place[seen.channel]
 

@@ -70,7 +70,10 @@ _DEAD_V = 1.0  # an output below this is off
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observations:
-    """M readings: ``channel`` (M,) indexes ``channels``, ``row`` (M,) the rows of ``frame``; ``value`` (M,)."""
+    """M readings: ``channel`` (M,) indexes ``channels``, ``row`` (M,) the rows of ``frame``; ``value`` (M,).
+
+    ``processes`` share a large simulation of them.
+    """
 
     frame: pd.DataFrame
     points: Points
@@ -78,6 +81,7 @@ class Observations:
     channel: NDArray[np.intp]
     row: NDArray[np.intp]
     value: Array
+    processes: int = 1
 
     def of(self, name: str) -> NDArray[np.bool_]:
         """Mask (M,) of one channel's readings."""
@@ -124,7 +128,7 @@ class Observations:
         """The same, each with the unknowns (n, N) that were solved for, starting from such unknowns."""
         used, row = np.unique(self.row, return_inverse=True)
         at = self.points.take(used)
-        results = simulate_each([(model, at) for model in models], near, starts)
+        results = simulate_each([(model, at) for model in models], near, starts, self.processes)
         return [(self.predicted(result, row), result.state) for result in results]
 
 
@@ -155,7 +159,7 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
     )
 
 
-def observe(frame: pd.DataFrame, converter: Converter) -> Observations:
+def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Observations:
     """Every finite reading of every known channel; a row's channels depend on its kind."""
     frame = frame.reset_index(drop=True)
     present = tuple(c.of(converter) for c in CHANNELS if c.column in frame and frame[c.column].notna().any())
@@ -179,6 +183,7 @@ def observe(frame: pd.DataFrame, converter: Converter) -> Observations:
         channel=np.concatenate(channel).astype(np.intp),
         row=np.concatenate(row).astype(np.intp),
         value=np.concatenate(value),
+        processes=processes,
     )
 
 

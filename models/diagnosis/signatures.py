@@ -143,7 +143,7 @@ def signatures(
     used, row = np.unique(observations.row, return_inverse=True)
     at, near = observations.points.take(used), near or observations.reference(baseline)
     cases = [*((model, at) for model in models), *((baseline, moved) for moved in _inputs(at))]
-    results = simulate_each(cases, near)
+    results = simulate_each(cases, near, processes=observations.processes)
     base, *moved = (observations.predicted(result, row) for result in results)
     of_effects, of_spreads, of_inputs = np.split(np.stack(moved), [len(entries), len(entries) + len(spreads)])
     found = [

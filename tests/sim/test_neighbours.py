@@ -12,11 +12,12 @@ from sim.neighbours import Response, approach
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.prototype import prototype
-from sim.simulate import Result, reference, simulate, simulate_many
+from sim.simulate import Result, reference, simulate, simulate_each, simulate_many
 from sim.station import Station, station_of
 
 COUNT = 40
 ORIGIN = np.arange(COUNT)
+HEAD = CATALOGUE["link_resistance"].headline.name
 
 
 def points() -> Points:
@@ -101,3 +102,31 @@ def test_some_of_the_points_keep_their_starts() -> None:
     (quick,) = simulate_many([Model.baseline()], points().take(chosen), part)
     # from a start that is one step nearer: inside the tolerance of 2e-7 of the power
     np.testing.assert_allclose(quick["P1_W"], near["P1_W"][chosen], rtol=2e-7)
+
+
+def test_starts_far_and_near_lead_to_the_same_state() -> None:
+    near = reference(Model.baseline(), points())
+    model = Model.baseline().with_effect("leakage_inductance", relative_error=-0.05)
+    first = simulate_each([(model, points())], near)[0]
+    again = simulate_each([(model, points())], near, [first.state + 0.1])[0]
+    # tenths of a kelvin, of an ampere and of a thousandth of the half period aside: inside the tolerances
+    np.testing.assert_allclose(again["P1_W"], first["P1_W"], rtol=1e-6)
+
+
+def test_an_unknown_start_is_that_of_the_neighbour() -> None:
+    near = reference(Model.baseline(), points())
+    model = Model.baseline().with_effect("link_resistance", **{HEAD: 0.05})
+    (plain,) = simulate_each([(model, points())], near)
+    (unknown,) = simulate_each([(model, points())], near, [np.full_like(plain.state, np.nan)])
+    np.testing.assert_array_equal(unknown["P1_W"], plain["P1_W"])
+
+
+def test_processes_find_what_one_finds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sim.simulate._WORTH_A_FORK", 1)
+    near = reference(Model.baseline(), points())
+    models = [Model.baseline().with_effect("link_resistance", **{HEAD: x}) for x in (0.01, 0.02, 0.03)]
+    cases = [(model, points()) for model in models]
+    for one, two in zip(simulate_each(cases, near), simulate_each(cases, near, processes=2), strict=True):
+        # rows solved beside others take the same steps, but for the last bits
+        np.testing.assert_allclose(two["P1_W"], one["P1_W"], rtol=1e-9)
+        assert two.state.shape == one.state.shape
