@@ -111,8 +111,8 @@ def on_tangents(refinery: Refinery) -> list[Fit]:
 
 def search(refinery: Refinery) -> list[Fit]:
     """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
-    fits = _alone(refinery)
-    straight = [*(_term(s) for s in refinery.known.effects), *_secants(refinery, fits[0])]
+    fits, scans = _alone(refinery)
+    straight = [*(_term(s) for s in refinery.known.effects), *_secants(fits[0], scans)]
     for size, most in ((2, _PAIRS), (3, _TRIPLES)):
         base = [f for f in fits if len(f.terms) == size - 1]
         larger = _larger(refinery, base, fits, straight, most)
@@ -135,8 +135,8 @@ def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
     return [*(f for f in fits if id(f) not in ids), *refinery.followed(refinery.sharpened(leading))]
 
 
-def _alone(refinery: Refinery) -> list[Fit]:
-    """Nothing, and every effect alone: all simulated once, those that lead to the end."""
+def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
+    """Nothing, and every effect alone: all simulated once, those that lead to the end; and where searches start."""
     nothing = Fit.nothing(refinery.residual.size)
     lines = _best_variants(_screened(refinery, nothing))
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
@@ -161,7 +161,7 @@ def _alone(refinery: Refinery) -> list[Fit]:
     ]
     names = {fit.effects for fit in chosen}
     nothing, *followed = refinery.followed([nothing, *chosen], leader)
-    return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])]
+    return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])], scans
 
 
 def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:
@@ -221,12 +221,9 @@ def _significant(refinery: Refinery, fit: Fit) -> bool:
     return abs(term.distance) > _SIGNIFICANT * float(np.hypot(sigma, term.head.tolerance))
 
 
-def _secants(refinery: Refinery, nothing: Fit) -> list[Term]:
-    """Effects that are far from a line, with slopes from off to each value that a search of them starts from."""
-    lines = [replace(nothing, terms=(_term(s),)) for s in refinery.known.effects]
-    starts = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
-    seen = refinery.simulated(starts) if starts else []
-    return [replace(t, slope=(f.shift - nothing.shift) / t.distance) for f in seen for t in f.terms]
+def _secants(nothing: Fit, scans: Iterable[Fit]) -> list[Term]:
+    """Effects that are far from a line, with slopes from off to each value that a search of them started from."""
+    return [replace(t, slope=(f.shift - nothing.shift) / t.distance) for f in scans for t in f.terms]
 
 
 def _larger(
