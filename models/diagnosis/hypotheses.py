@@ -160,58 +160,91 @@ def weigh(
     ``seen`` are the projections of ``fit.vectors(residual)``, then of its laws' columns.
     """
     products = geometry.products_beside(seen, own, leftovers)
-    return [_weighed(fit, *found) for fit, found in zip(fits, products, strict=True)]
+    alike: dict[tuple[int, int], list[int]] = {}
+    for k, (fit, (inner, _)) in enumerate(zip(fits, products, strict=True)):
+        alike.setdefault((len(fit.terms), inner.shape[-1]), []).append(k)
+    found: list[list[Weighed]] = [[] for _ in fits]
+    for members in alike.values():
+        inner, log_det = (np.stack([products[k][part] for k in members]) for part in (0, 1))
+        for k, weighed in zip(members, _weighed([fits[k] for k in members], inner, log_det), strict=True):
+            found[k] = weighed
+    return found
 
 
-def _weighed(fit: Fit, inner: Array, log_det: Array) -> list[Weighed]:
-    """The evidence from products (L, k, k) under each covariance and its log-determinant (L,)."""
-    size = len(fit.terms)
+@dataclass(frozen=True, slots=True)
+class _Values:
+    """Of F fits with k terms each: values, distances from off, bounds and prior scales, all (F, 1, k)."""
+
+    value: Array
+    distance: Array
+    lower: Array
+    upper: Array
+    prior: Array
+
+    @classmethod
+    def of(cls, fits: Sequence[Fit]) -> Self:
+        """Of these fits."""
+        terms = [
+            [(t.value, t.distance, t.head.lower, t.head.upper, t.head.prior) for t in fit.terms]
+            for fit in fits
+        ]
+        return cls(*np.moveaxis(np.array(terms), 2, 0)[:, :, None])
+
+    def held(self, step: Array) -> NDArray[np.bool_]:
+        """Which stand at a bound and would go further, (F, L, k)."""
+        at_lower, at_upper = self.value <= self.lower, self.value >= self.upper
+        return np.asarray((at_lower & (step < 0)) | (at_upper & (step > 0)))
+
+
+def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[list[Weighed]]:
+    """The evidence of F fits of one size from products (F, L, n, n) under each covariance, and its ln det (F, L)."""
+    size = len(fits[0].terms)
     inner, log_det = _law_let_in(inner, log_det, size + 1)
-    bare = -0.5 * (inner[:, -1, -1] + log_det)
+    bare = -0.5 * (inner[..., -1, -1] + log_det)
     if not size:
         none = np.empty(0)
-        return [Weighed(log_evidence=b, promised=b, step=none, sigma=none) for b in bare.tolist()]
-    prior = np.array([t.head.prior for t in fit.terms])
-    distance = np.array([t.distance for t in fit.terms])
-    scaled = prior[:, None] * inner[:, :size, :size] * prior + np.eye(size)  # in units of the prior
-    pull = prior * inner[:, :size, -1] - distance / prior
+        return [
+            [Weighed(log_evidence=b, promised=b, step=none, sigma=none) for b in each]
+            for each in bare.tolist()
+        ]
+    at, first = _Values.of(fits), np.array([sum(_inside_at_first(t.head) for t in fit.terms) for fit in fits])
+    prior = at.prior
+    scaled = prior[..., None] * inner[..., :size, :size] * prior[..., None, :] + np.eye(
+        size
+    )  # in the prior's units
+    pull = prior * inner[..., :size, -1] - at.distance / prior
     inverse = np.linalg.inv(scaled)
-    ahead = np.einsum("lij,lj->li", inverse, pull)
-    step, sigma = prior * ahead, prior * np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
-    held = _held(fit, step)
-    gained = 0.5 * np.sum(pull * ahead, axis=1)
-    here = bare - 0.5 * (np.sum((distance / prior) ** 2) + np.linalg.slogdet(scaled)[1])
-    for k, t in enumerate(fit.terms):
-        here = here + _inside(t.head, t.value + step[:, k], sigma[:, k]) - _inside_at_first(t.head)
+    ahead = np.einsum("flij,flj->fli", inverse, pull)
+    step, sigma = prior * ahead, prior * np.sqrt(np.diagonal(inverse, axis1=2, axis2=3))
+    held = at.held(step)
+    gained = 0.5 * np.sum(pull * ahead, axis=2)
+    here = bare - 0.5 * (np.sum((at.distance / prior) ** 2, axis=2) + np.linalg.slogdet(scaled)[1])
+    here = here + np.sum(_inside((at.lower, at.upper), at.value + step, sigma), axis=2) - first[:, None]
     promised, step = here + gained, np.where(held, 0.0, step)
-    evidence = here + np.where(np.any(held, axis=1), gained, np.minimum(gained, _GAINED))
+    evidence = here + np.where(np.any(held, axis=2), gained, np.minimum(gained, _GAINED))
     return [
-        Weighed(log_evidence=e, promised=p, step=step[k], sigma=sigma[k])
-        for k, (e, p) in enumerate(zip(evidence.tolist(), promised.tolist(), strict=True))
+        [
+            Weighed(log_evidence=e, promised=p, step=step[f, k], sigma=sigma[f, k])
+            for k, (e, p) in enumerate(zip(each, hoped, strict=True))
+        ]
+        for f, (each, hoped) in enumerate(zip(evidence.tolist(), promised.tolist(), strict=True))
     ]
 
 
 def _law_let_in(inner: Array, log_det: Array, vectors: int) -> tuple[Array, Array]:
-    """Products of the first so many, under a covariance that the directions after them were added to."""
-    more = inner.shape[1] - vectors
+    """Products (..., n, n) of the first so many, under a covariance that the directions after them were added to."""
+    more = inner.shape[-1] - vectors
     if not more:
         return inner, log_det
-    root = np.linalg.cholesky(np.eye(more) + inner[:, vectors:, vectors:])
-    onto = np.linalg.solve(root, inner[:, vectors:, :vectors])
-    log_det = log_det + 2.0 * np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-    return inner[:, :vectors, :vectors] - np.swapaxes(onto, 1, 2) @ onto, log_det
+    root = np.linalg.cholesky(np.eye(more) + inner[..., vectors:, vectors:])
+    onto = np.linalg.solve(root, inner[..., vectors:, :vectors])
+    log_det = log_det + 2.0 * np.sum(np.log(np.diagonal(root, axis1=-2, axis2=-1)), axis=-1)
+    return inner[..., :vectors, :vectors] - np.swapaxes(onto, -1, -2) @ onto, log_det
 
 
-def _held(fit: Fit, step: Array) -> NDArray[np.bool_]:
-    """Which terms stand at a bound and would go further, (L, k)."""
-    at_lower = np.array([t.value <= t.head.lower for t in fit.terms])
-    at_upper = np.array([t.value >= t.head.upper for t in fit.terms])
-    return np.asarray((at_lower & (step < 0)) | (at_upper & (step > 0)))
-
-
-def _inside(head: EffectParameter, mean: Array | float, sigma: Array | float) -> Array:
+def _inside(bounds: tuple[Array | float, Array | float], mean: Array | float, sigma: Array | float) -> Array:
     """Log of the share of N(mean, sigma^2) inside the bounds, to rounding where the nearer bound cuts."""
-    below, above = (mean - head.lower) / sigma, (head.upper - mean) / sigma
+    below, above = (mean - bounds[0]) / sigma, (bounds[1] - mean) / sigma
     near, far = log_ndtr(np.minimum(below, above)), log_ndtr(-np.maximum(below, above))
     return np.asarray(near + np.log1p(-np.exp(np.minimum(far - near, -1e-12))))
 
@@ -219,4 +252,4 @@ def _inside(head: EffectParameter, mean: Array | float, sigma: Array | float) ->
 @cache
 def _inside_at_first(head: EffectParameter) -> float:
     """The same of the prior."""
-    return float(_inside(head, head.off, head.prior))
+    return float(_inside((head.lower, head.upper), head.off, head.prior))

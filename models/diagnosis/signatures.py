@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,9 +85,7 @@ class Signatures:
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
-        entry = CATALOGUE[name]
-        paths = entry.paths if isinstance(entry, ParameterEffect) else ()
-        return np.flatnonzero(np.isin(self.spread_names, (name, *paths)))
+        return _own_spreads(name, self.spread_names)
 
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
@@ -105,6 +104,15 @@ class Signatures:
             per_watt=self.per_watt[readings],
             inaccuracy=self.inaccuracy[:, readings],
         )
+
+
+@lru_cache(maxsize=1000)
+def _own_spreads(name: str, spread_names: tuple[str, ...]) -> NDArray[np.intp]:
+    entry = CATALOGUE[name]
+    paths = entry.paths if isinstance(entry, ParameterEffect) else ()
+    found = np.flatnonzero(np.isin(spread_names, (name, *paths)))
+    found.setflags(write=False)
+    return found
 
 
 def step_of(entry: Effect) -> float:
