@@ -1,8 +1,8 @@
 r"""Calibrated physics: the simulator at the most probable state of its parts, and what is left over, smoothed.
 
 The named effects and every everyday spread are fitted to all channels at once; the simulator then runs with
-them. What it still misses in efficiency is carried by a Gaussian process over (D1, D2, power), in watts, which
-falls back to nothing away from the measured points.
+them (:mod:`models.calibration`). What it still misses in efficiency is carried by a Gaussian process over (D1, D2,
+power), in watts, which falls back to nothing away from the measured points.
 
 How sure it is: what the measurements leave open of spreads and effects has the covariance
 
@@ -13,16 +13,14 @@ is kept again at one standard deviation along each of Sigma's axes: the squares 
 and the process's own variance, add up.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.diagnosis.covariance import kernel, length_scale
-from models.diagnosis.hypotheses import Fit
-from models.diagnosis.refinery import Refinery
+from models.diagnosis.covariance import kernel
 from models.diagnosis.whitener import Whitener
 from models.surrogate import EfficiencyModel, StagedModel
 from sim.model import Model
@@ -31,14 +29,10 @@ from sim.simulate import can_run, each_can_run, simulate, simulate_many
 
 Array = NDArray[np.float64]
 
-_IN_TIME = ("warm_up_drift", "ambient_drift")  # causes that go with time, by a law that is roughly known
-_DRIFT, _TIME_LENGTH = (
-    6e-4,
-    0.2,
-)  # how far off that law may be, of the power; smooth over a fifth of the campaign
 _SURE = 2.0  # standard deviations of the most that can be carried
+_LIMIT = 2e-3  # Assumption: of it, how well the simulator itself knows it
 _COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
-_FINE = np.arange(0.95, 1.05, 5e-4)  # and of what was found
+_FINE = np.arange(0.95, 1.05, 2e-4)  # and of what was found
 _STRIDE = 15
 
 
@@ -55,7 +49,7 @@ class Leftover:
     weight: Array
     noise_W: Array
     length: Array
-    smooth_W: float = 0.25
+    smooth_W: float = 0.1
     offset_W: float = 0.6
     gain: float = 4e-4
     drift: float = 0.0
@@ -77,6 +71,10 @@ class Leftover:
         """Covariance of the correction at points (K, 5) after the fit, (K, K), in W^2."""
         across = self.covariance(place, self.place)
         return np.asarray(self.covariance(place, place) - across @ self._readings().solve(across.T))
+
+    def solver(self) -> Callable[[Array], Array]:
+        """The inverse covariance of its readings, to be applied to (N,) or (N, k)."""
+        return self._readings().solve
 
     def _readings(self) -> Whitener:
         return Whitener.of(self.covariance(self.place, self.place) + np.diag(self.noise_W**2))
@@ -126,9 +124,9 @@ class CalibratedPhysics:
 
     def _limit_sigma(self) -> float:
         """Standard deviation of the most that can be carried, relative, with the widest pulses."""
-        (nominal_W,) = self._most_W([self.model], self.model.altered_converter().rated_power_W * _COARSE)
-        most_W = self._most_W(self.variants, nominal_W * _FINE)
-        return float(np.linalg.norm(most_W / nominal_W - 1))
+        (about_W,) = self._most_W([self.model], self.model.altered_converter().rated_power_W * _COARSE)
+        nominal_W, *most_W = self._most_W([self.model, *self.variants], about_W * _FINE)
+        return float(np.hypot(np.linalg.norm(np.array(most_W) / nominal_W - 1), _LIMIT))
 
     def _most_W(self, models: Sequence[Model], tried_W: Array) -> Array:
         """The largest of the ascending powers tried that each model carries: roughly, then among those near it."""
@@ -178,59 +176,3 @@ def vouched(model: EfficiencyModel) -> EfficiencyModel:
     if isinstance(model, StagedModel) and len(model.stages) == 1:
         (model,) = model.stages
     return model.vouched() if isinstance(model, CalibratedPhysics) else model
-
-
-def calibrate(refinery: Refinery, fit: Fit, sigma: Array) -> CalibratedPhysics:
-    """The calibrated physics of one fit: its effects, the spreads under it, and the leftover.
-
-    ``sigma`` (M,) is the noise of the readings.
-
-    The analyzer's gain and offset inside their specification go to the leftover: the surrogate predicts what
-    the bench shows. Voltages and ambient are those of the campaign, its medians; time is its end.
-    """
-    observations = refinery.observations
-    model = refinery.model(fit, refinery.spreads(fit))
-    loads = observations.of("efficiency") & observations.loaded[observations.row]
-    simulated = observations.simulate([model], refinery.near)[0]
-    residual = observations.value - simulated
-    usable = loads & np.isfinite(residual)
-    p = observations.points
-    where = np.stack([p.D1, p.D2, p.power_W, p.time_s], axis=1)[observations.row]
-    time_s = np.asarray(p.time_s, dtype=np.float64)
-    none = np.zeros(int(usable.sum()))
-    empty = Leftover(
-        place=np.column_stack([where, simulated - where[:, 2]])[usable],
-        weight=none,
-        noise_W=none,
-        length=np.append(length_scale(observations), max(_TIME_LENGTH * float(np.ptp(time_s)), 1.0)),
-        drift=_DRIFT if set(_IN_TIME) & set(fit.effects) else 0.0,
-    )
-    return CalibratedPhysics(
-        model=model,
-        variants=tuple(_variants(refinery, fit)),
-        leftover=empty.fitted(residual[usable], sigma[usable]),
-        V1_V=float(np.median(np.asarray(p.V1_V))),
-        V2_V=float(np.median(np.asarray(p.V2_V)[observations.loaded])),
-        ambient_C=float(np.median(np.asarray(p.ambient_C))),
-        time_s=float(time_s.max()),
-    )
-
-
-def _variants(refinery: Refinery, fit: Fit) -> Iterator[Model]:
-    """The model at one standard deviation along each axis of what the measurements leave open."""
-    known, own = refinery.known, fit.own(refinery.known)
-    size, prior = len(known.spread_entries), np.array([t.head.prior for t in fit.terms])
-    directions = np.concatenate(
-        [known.spreads[:size], *(p * t.slope[None] for p, t in zip(prior, fit.terms, strict=True))]
-    )
-    directions[own[own < size]] = 0.0
-    inner = directions @ refinery.geometry.solve(directions, own).T
-    across = inner[:, size:]  # the effects have no part in the covariance yet
-    inner -= across @ np.linalg.solve(np.eye(prior.size) + across[size:], across.T)
-    left = np.eye(len(inner)) - inner
-    left[own[own < size]] = 0.0
-    variance, axes = np.linalg.eigh(0.5 * (left + left.T))
-    spreads = refinery.spreads(fit)
-    for length, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
-        step = length * axis
-        yield refinery.model(fit.moved(prior * step[size:]), spreads + step[:size])

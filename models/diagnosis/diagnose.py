@@ -11,7 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from models.calibrated import CalibratedPhysics, calibrate
+from models.calibrated import CalibratedPhysics
+from models.calibration import calibrate
 from models.dataset import Measurements
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
@@ -67,6 +68,7 @@ class Diagnosis:
     extended: Model
     leading: Fit
     sigma: Array
+    edge: Observations
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
 
@@ -79,7 +81,7 @@ class Diagnosis:
     def calibrated(self) -> CalibratedPhysics:
         """A surrogate: the simulator with what was found, and what it still leaves."""
         with _one_thread():
-            return calibrate(self.refinery, self.leading, self.sigma)
+            return calibrate(self.refinery, self.leading, self.sigma, self.edge)
 
     def steps(self, allowed: Allowed, most: int = MOST_STEPS) -> list[NextMeasurement]:
         """What is worth measuring next of what is allowed, in its order, so many measurements at most."""
@@ -328,7 +330,7 @@ def _diagnosed(
     whole, spare = observations, power_to_spare(observations, baseline)
     if np.mean(spare) < 0.5:
         check_set_points(observations, baseline)
-    observations = observations.take(spare)
+    observations, edge = observations.take(spare), observations.take(~spare)
     known = signatures(observations, baseline, left_out)
     wrong, rejected_columns = implausible(observations, known.baseline)
     kept = known.finite() & ~wrong
@@ -371,6 +373,7 @@ def _diagnosed(
         extended=_extended(baseline, verdict, chosen),
         leading=chosen,
         sigma=setting.sigma,
+        edge=edge,
         rejected=[*map(_plain_row, measurements.rejected), *rejected, *_outliers(setting)],
         rejected_columns=rejected_columns,
     )

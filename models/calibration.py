@@ -1,0 +1,160 @@
+r"""From a fit to calibrated physics: the parts' state, the inductance by the readings at the edge, the leftover.
+
+Readings close to the most that D1 and D2 can carry take no part in a diagnosis, since everything answers there at
+once. The better all else is known, the more they say of where that edge is. After the fit the link inductance
+is moved by
+
+.. math:: \delta = \frac{s^T C^{-1} r}{s^T C^{-1} s + 1 / \sigma^2}
+
+with r what the fitted simulator leaves of all readings of efficiency, s its change with the relative inductance, and C
+the leftover's covariance.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.calibrated import CalibratedPhysics, Leftover
+from models.diagnosis.covariance import length_scale
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.observations import Observations
+from models.diagnosis.refinery import Refinery
+from sim.model import Model
+
+Array = NDArray[np.float64]
+
+_IN_TIME = ("warm_up_drift", "ambient_drift")  # causes that go with time, by a law that is roughly known
+_DRIFT, _TIME_LENGTH = 0.05, 0.2  # how far off that law may be, of the loss; over which share of the campaign
+_INDUCTANCE = 2e-3  # relative: how well the edge is known when all other readings are fitted
+_ASIDE = 1e-3  # relative: from the inductance to those that tell its slope
+_SMOOTH_W = 1.0  # of a reading's bend over them: where it bends more, an edge passes another
+_INPUT = 5e-4  # relative: how well the power, in units of the inductance, is known at a reading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Readings:
+    """Readings (N,) of the input power with load: ``place`` (N, 4) is where and when, ``value``, ``noise_W`` (N,).
+
+    First come the ``loads`` among those that the fit has seen, then those near the ``edge``.
+    """
+
+    refinery: Refinery
+    loads: NDArray[np.bool_]
+    edge: Observations
+    place: Array
+    value: Array
+    noise_W: Array
+
+    @classmethod
+    def of(cls, refinery: Refinery, sigma: Array, edge: Observations) -> "_Readings":
+        """All that there are; near the edge a reading is as noisy, for its power, as anywhere."""
+        seen = refinery.observations
+        loads, edge = _loaded(seen), edge.take(_loaded(edge))
+        kept, near = _where(seen)[loads], _where(edge)
+        noise_W = sigma[loads]
+        ratio = float(np.median(noise_W / kept[:, 2])) if noise_W.size else np.inf
+        return cls(
+            refinery=refinery,
+            loads=loads,
+            edge=edge,
+            place=np.concatenate([kept, near]),
+            value=np.concatenate([seen.value[loads], edge.value]),
+            noise_W=np.concatenate([noise_W, ratio * near[:, 2]]),
+        )
+
+    def simulated(self, models: list[Model]) -> list[Array]:
+        """What each model says of them, (N,)."""
+        seen = self.refinery.observations.simulate(models, self.refinery.near)
+        near = self.edge.simulate(models) if self.edge.value.size else [self.edge.value for _ in models]
+        return [np.concatenate([a[self.loads], b]) for a, b in zip(seen, near, strict=True)]
+
+    def beside(self, simulated: Array, chosen: NDArray[np.bool_], empty: Leftover) -> Leftover:
+        """The leftover before the fit at some of them, beside a model that says ``simulated`` (N,)."""
+        place = np.column_stack([self.place, simulated - self.place[:, 2]])[chosen]
+        return replace(empty, place=place, noise_W=self.noise_W[chosen], weight=np.zeros(len(place)))
+
+
+def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) -> CalibratedPhysics:
+    """The calibrated physics of one fit: its effects, the spreads under it, and the leftover.
+
+    ``sigma`` (M,) is the noise of the readings; ``edge`` holds readings that were too near the edge for the fit.
+
+    The analyzer's gain and offset inside their specification go to the leftover: the surrogate predicts what
+    the bench shows. Voltages and ambient are those of the campaign, its medians; time is its end.
+    """
+    observations = refinery.observations
+    p = observations.points
+    time_s = np.asarray(p.time_s, dtype=np.float64)
+    readings = _Readings.of(refinery, sigma, edge)
+    empty = Leftover(
+        place=np.empty((0, 5)),
+        weight=np.empty(0),
+        noise_W=np.empty(0),
+        length=np.append(length_scale(observations), max(_TIME_LENGTH * float(np.ptp(time_s)), 1.0)),
+        drift=_DRIFT if set(_IN_TIME) & set(fit.effects) else 0.0,
+    )
+    model = refinery.model(fit, refinery.spreads(fit))
+    off, leftover = _fitted(model, readings, empty)
+    return CalibratedPhysics(
+        model=_moved(model, off),
+        variants=tuple(_moved(variant, off) for variant in _variants(refinery, fit)),
+        leftover=leftover,
+        V1_V=float(np.median(np.asarray(p.V1_V))),
+        V2_V=float(np.median(np.asarray(p.V2_V)[observations.loaded])),
+        ambient_C=float(np.median(np.asarray(p.ambient_C))),
+        time_s=float(time_s.max()),
+    )
+
+
+def _fitted(model: Model, readings: _Readings, empty: Leftover) -> tuple[float, Leftover]:
+    """How far the inductance is off, and the leftover beside the model with that inductance."""
+    here, more, less = readings.simulated([model, _moved(model, _ASIDE), _moved(model, -_ASIDE)])
+    slope, bend = (more - less) / (2 * _ASIDE), np.abs(more - 2 * here + less)
+    smooth = bend < _SMOOTH_W  # NaN is not
+    readings = replace(readings, noise_W=np.hypot(readings.noise_W, _INPUT * slope))
+    solved = readings.beside(here, smooth, empty).solver()
+    s, r = slope[smooth], (readings.value - here)[smooth]
+    off = float(s @ solved(r) / (s @ solved(s) + _INDUCTANCE**-2)) if r.size else 0.0
+    (there,) = readings.simulated([_moved(model, off)])
+    usable = smooth & np.isfinite(there)
+    prior = readings.beside(there, usable, empty)
+    return off, prior.fitted((readings.value - there)[usable], prior.noise_W)
+
+
+def _loaded(observations: Observations) -> NDArray[np.bool_]:
+    return observations.of("efficiency") & observations.loaded[observations.row]
+
+
+def _where(observations: Observations) -> Array:
+    """D1, D2, power and time of every reading, (N, 4)."""
+    p = observations.points
+    return np.stack([p.D1, p.D2, p.power_W, p.time_s], axis=1)[observations.row]
+
+
+def _moved(model: Model, off: float) -> Model:
+    """The model with another link inductance, by a share of it."""
+    inductor = model.converter.inductor
+    other = replace(inductor, inductance_H=inductor.inductance_H * (1 + off))
+    return replace(model, converter=replace(model.converter, inductor=other))
+
+
+def _variants(refinery: Refinery, fit: Fit) -> Iterator[Model]:
+    """The model at one standard deviation along each axis of what the measurements leave open."""
+    known, own = refinery.known, fit.own(refinery.known)
+    size, prior = len(known.spread_entries), np.array([t.head.prior for t in fit.terms])
+    directions = np.concatenate(
+        [known.spreads[:size], *(p * t.slope[None] for p, t in zip(prior, fit.terms, strict=True))]
+    )
+    directions[own[own < size]] = 0.0
+    inner = directions @ refinery.geometry.solve(directions, own).T
+    across = inner[:, size:]  # the effects have no part in the covariance yet
+    inner -= across @ np.linalg.solve(np.eye(prior.size) + across[size:], across.T)
+    left = np.eye(len(inner)) - inner
+    left[own[own < size]] = 0.0
+    variance, axes = np.linalg.eigh(0.5 * (left + left.T))
+    spreads = refinery.spreads(fit)
+    for length, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
+        step = length * axis
+        yield refinery.model(fit.moved(prior * step[size:]), spreads + step[:size])
