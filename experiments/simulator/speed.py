@@ -139,7 +139,6 @@ def _swept(points: int, settings: Settings) -> _Rung:
             model=Model.baseline(),
             inputs=inputs,
             out=Path(folder, "sweep.parquet"),
-            chunk_rows=SMALLEST_SWEEP,
         )
         start_s, before = settings.now(), processor_s()
         run_sweep(sweep, Workers(processes=settings.processes), lambda _done, _total: None)
