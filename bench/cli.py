@@ -30,18 +30,20 @@ VERBS = "d2ea.verbs"
 log = logging.getLogger("d2ea")
 
 
-def build() -> typer.Typer:
-    """The whole command line."""
+def build(verb: str | None = None) -> typer.Typer:
+    """The whole command line, or only the family named like a verb of its own: what others need is not imported."""
     app = typer.Typer(
         no_args_is_help=True,
         add_completion=True,
         pretty_exceptions_enable=False,
         help="A lab bench in software: measure, simulate, learn, optimise, and say what is wrong.",
     )
-    for module in pkgutil.iter_modules(bench.commands.__path__):
-        family = importlib.import_module(f"bench.commands.{module.name}")
-        if isinstance(verbs := getattr(family, "app", None), typer.Typer):
-            app.add_typer(verbs)
+    families = [module.name for module in pkgutil.iter_modules(bench.commands.__path__)]
+    if verb in families and verb in _verbs_of(family := _family(verb)):
+        app.add_typer(family)
+        return app
+    for name in families:
+        app.add_typer(_family(name))
     for point in entry_points(group=VERBS):
         try:
             app.add_typer(point.load(), name=point.name)
@@ -50,12 +52,28 @@ def build() -> typer.Typer:
     return app
 
 
+def _family(name: str) -> typer.Typer:
+    """The verbs of a module of ``bench/commands``; none where it only helps the others."""
+    verbs = getattr(importlib.import_module(f"bench.commands.{name}"), "app", None)
+    return verbs if isinstance(verbs, typer.Typer) else typer.Typer()
+
+
+def _verbs_of(family: typer.Typer) -> set[str]:
+    """Names on the command line: a function's own where none is given."""
+    return {
+        command.name or command.callback.__name__
+        for command in family.registered_commands
+        if command.callback
+    }
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run one command; never returns, never shows a traceback."""
     if wrong := start_log(os.environ.get("D2EA_LOG", "warning")):
         err.print(escape(wrong))
+    said = sys.argv[1:] if arguments is None else arguments
     try:
-        get_command(build())(args=arguments, prog_name="d2ea")
+        get_command(build(said[0] if said else None))(args=said, prog_name="d2ea")
     except BenchUnsafe as error:
         _say("BENCH NOT SAFE", error)
         err.print("[bold red]Switch the bench off by hand and see that it is off.[/]")
