@@ -35,4 +35,6 @@ class Seeds:
 
 
 TUNING = Seeds(first=100_000, said="tuning")
-SCORING = Seeds(first=500_000, said="scoring")
+SCORING = Seeds(
+    first=600_000, said="scoring"
+)  # 500,000 and up were scored once, and then tuned on what they showed
