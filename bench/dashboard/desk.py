@@ -18,6 +18,7 @@ from models.registry import Registry
 T = TypeVar("T")
 
 LOOK_S = 0.2  # between two looks at the database
+ANSWER_MS = 20_000  # what came of a request stays long enough to be read on a slow page
 SHOW_S = 0.2  # between two looks of a page at what was read
 PAGES = {
     "/": "Bench",
@@ -64,9 +65,9 @@ class Desk:
             if self.read_only:
                 raise BenchError("this dashboard is read-only: ask with d2ea pause, resume or abort")
             said = await asyncio.to_thread(ask, self.watcher.store, campaign_id, request)
-            ui.notify(said, classes="said")
+            ui.notify(said, classes="said", timeout=ANSWER_MS, close_button="Seen")
         except BenchError as error:
-            ui.notify(str(error), classes="said wrong", timeout=8000)
+            ui.notify(str(error), classes="said wrong", timeout=ANSWER_MS, close_button="Seen")
 
     async def look_forever(self) -> None:
         """Read what is new, over and over, for all who look."""
