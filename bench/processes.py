@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 
 NICE = 10
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -14,9 +15,35 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 @contextmanager
 def pool_of(processes: int) -> Iterator[ProcessPoolExecutor]:
     """Processes started afresh; work that waits is dropped when the block is left by an error."""
+    with _pool(processes) as pool, _left_by_errors(pool):
+        yield pool
+
+
+@contextmanager
+def lasting_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
+    """The same processes for all who ask, so that what they keep in memory serves again; an error ends them."""
+    try:
+        with _left_by_errors(_lasting(processes)) as pool:
+            yield pool
+    except BaseException:
+        _lasting.cache_clear()
+        raise
+
+
+@cache
+def _lasting(processes: int) -> ProcessPoolExecutor:
+    return _pool(processes)
+
+
+def _pool(processes: int) -> ProcessPoolExecutor:
     fresh = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(processes, mp_context=fresh, initializer=end_with_parent)
-    with one_thread_each(), pool:
+    return ProcessPoolExecutor(processes, mp_context=fresh, initializer=end_with_parent)
+
+
+@contextmanager
+def _left_by_errors(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    """A pool that gives up what waits when an error comes through; its processes use one thread each."""
+    with one_thread_each():
         try:
             yield pool
         except BaseException:

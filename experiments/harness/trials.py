@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from typing import Protocol, TypeVar
 
-from bench.processes import pool_of
+from bench.processes import lasting_pool
 from experiments.harness.journal import Journal, Record
 from experiments.harness.settings import Countdown, Settings
 
@@ -48,7 +48,7 @@ def _spread(processes: int) -> Callable[[Callable[[T], Record], Sequence[T]], It
     def finished(work: Callable[[T], Record], trials: Sequence[T]) -> Iterator[tuple[T, Record]]:
         if not trials:
             return
-        with pool_of(processes) as pool:
+        with lasting_pool(processes) as pool:
             running = {pool.submit(work, trial): trial for trial in trials}
             for future in as_completed(running):
                 yield running[future], future.result()

@@ -118,3 +118,22 @@ def test_a_killed_run_leaves_no_process_behind(tmp_path: Path) -> None:
             fcntl.flock(
                 file, fcntl.LOCK_EX
             )  # returns when the trial's process is gone; else the test times out
+
+
+def test_trials_that_follow_find_the_same_processes(tmp_path: Path) -> None:
+    """What a process keeps in memory, such as the reach of a design, serves the next part as well."""
+    settings, first = Settings(out=tmp_path, processes=2), journal(tmp_path)
+    before, after = (
+        {r["process"] for r in perform(threads, [Square(n) for n in numbers], first, settings)}
+        for numbers in (range(8), range(8, 16))
+    )
+    assert len(before | after) <= 2
+
+
+def test_an_error_ends_the_processes_and_the_next_trials_have_others(tmp_path: Path) -> None:
+    settings, kept = Settings(out=tmp_path, processes=2), journal(tmp_path)
+    before = {r["process"] for r in perform(threads, [Square(1), Square(2)], kept, settings)}
+    with pytest.raises(RuntimeError, match="the power went off"):
+        perform(square, [Square(13)], kept, settings)
+    after = {r["process"] for r in perform(threads, [Square(3), Square(4)], kept, settings)}
+    assert not before & after
