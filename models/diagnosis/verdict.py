@@ -28,9 +28,7 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
 _LIKELY = 0.5  # probability from which a threshold that is no cause has to be reckoned with
 _FAINT = 11.0  # sigmas of a leftover that the model's own shortcomings have on any bench
-_POSSIBLE = (
-    0.01  # probability from which a cause that the design does not tell from a sure one is stated beside it
-)
+_POSSIBLE = 0.01  # probability from which what the design does not tell from a sure cause is stated beside it
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
