@@ -35,6 +35,5 @@ class Seeds:
 
 
 TUNING = Seeds(first=100_000, said="tuning")
-SCORING = Seeds(
-    first=600_000, said="scoring"
-)  # 500,000 and up were scored once, and then tuned on what they showed
+# 500,000 and up were scored once, and what they showed was tuned on
+SCORING = Seeds(first=600_000, said="scoring")
