@@ -158,7 +158,8 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
     AnalyzerOffset(
         name="analyzer_offset",
         stage="measurement, command",
-        parameters=(_one("current_A", "A", 2.5e-3, 0.02, -0.2, 0.2),),
+        # 0.05 % of a range of 5 A, uniform: a sigma of that over root three
+        parameters=(_one("current_A", "A", 1.5e-3, 0.02, -0.2, 0.2),),
         law=0.01,
         says="the analyzer's input current has a zero offset",
         check_on_bench="zero the analyzer with the input open; read standby with the leads off",

@@ -75,6 +75,13 @@ def test_an_offset_of_the_output_power_moves_what_is_predicted_at_it(known: Sign
     np.testing.assert_allclose(offset, sigma_W * known.per_watt, rtol=1e-12)  # rounding
 
 
+def test_both_dc_ports_are_good_to_the_same_share_of_their_range(known: Signatures) -> None:
+    directions = dict(zip(known.spread_names, known.spreads, strict=True))
+    input_W = np.max(np.abs(directions["analyzer_offset"]))
+    output_W = np.max(np.abs(directions["analyzer port 2 offset"])) / np.max(np.abs(known.per_watt))
+    assert input_W == pytest.approx(output_W, rel=0.05)  # the catalogue's figure has two digits
+
+
 def test_an_everyday_spread_of_all_parts_together_is_a_direction_beside_theirs(known: Signatures) -> None:
     (signature,) = (s for s in known.effects if s.effect == "reverse_recovery")
     own = known.own_spreads("reverse_recovery")
