@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from sqlalchemy import Insert, RowMapping, func, insert, select, update
+from sqlalchemy import Insert, RowMapping, bindparam, func, insert, select, update
 
 from bench.errors import StateError
 from bench.plan import PlannedPoint
@@ -34,6 +34,9 @@ from bench.versions import versions
 
 GOOD = "good"
 FAR = 9e37  # what analyzers put in the place of a number they do not have is above
+_ASKED = select(campaigns.c.request).where(
+    campaigns.c.id == bindparam("campaign_id")
+)  # some hundred times a point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -281,7 +284,7 @@ class Ledger:
     def asked(self, campaign_id: int) -> str | None:
         """What the operator asks of the campaign now."""
         with self._db.reading() as db:
-            return db.execute(select(campaigns.c.request).where(campaigns.c.id == campaign_id)).scalar()
+            return db.execute(_ASKED, {"campaign_id": campaign_id}).scalar()
 
 
 def campaign_row(name: str, provenance: Provenance, *, planned: int, state: str) -> Insert:

@@ -61,8 +61,6 @@ class BridgeState(Protocol):
     def T_inductor_C(self) -> float: ...
     @property
     def T_ambient_C(self) -> float: ...
-    @property
-    def faults(self) -> tuple[str, ...]: ...
 
 
 class ControllerPlant(Protocol):
@@ -72,6 +70,8 @@ class ControllerPlant(Protocol):
     def clock(self) -> Clock: ...
     @property
     def modulations(self) -> Collection[str]: ...
+    @property
+    def faults(self) -> tuple[str, ...]: ...
     def set_bridge(self, *, pwm: bool, D1: float, D2: float, mode: str) -> None: ...
     def collapse(self) -> None: ...
     def state(self) -> BridgeState: ...
@@ -201,7 +201,7 @@ class MockController:
         if not SHORTEST_PERIOD_MS <= period_ms <= LONGEST_PERIOD_MS:
             raise Refusal(Reason.OUT_OF_RANGE)
         self._latched = ()
-        self._acknowledged = self._plant.state().faults
+        self._acknowledged = self._plant.faults
         self._armed = True
         self._period_s = period_ms / 1000
         self._beat_s = self._plant.clock.now()
@@ -289,7 +289,7 @@ class MockController:
 
     def _look_for_faults(self) -> None:
         """Trip at a fault that arming did not acknowledge: the plant keeps old ones until the PWM goes on."""
-        faults = self._plant.state().faults
+        faults = self._plant.faults
         if new := tuple(name for name in faults if name not in self._acknowledged):
             self._trip(tuple(FAULT_NAMES.get(name, name).replace(" ", "_") for name in new))
 

@@ -35,6 +35,8 @@ class DcTerminals(Protocol):
 class DcPlant(Protocol):
     """What of the plant a supply and a load reach."""
 
+    @property
+    def output_V(self) -> float: ...
     def set_supply(self, *, on: bool, voltage_V: float, current_limit_A: float) -> None: ...
     def set_load(self, *, on: bool, power_W: float) -> None: ...
     def state(self) -> DcTerminals: ...
@@ -244,7 +246,7 @@ class MockLoad(MockDc):
 
     def apply(self) -> None:
         """The set power, or what the current limit leaves of it at the voltage of this moment."""
-        voltage_V, power_W = self.plant.state().load_V, self.si("set_power")
+        voltage_V, power_W = self.plant.output_V, self.si("set_power")
         if voltage_V > 0:
             power_W = min(power_W, self.si("set_current") * voltage_V)
         self.plant.set_load(on=self.on, power_W=power_W)

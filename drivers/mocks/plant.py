@@ -75,11 +75,12 @@ class _Episode:
     """The plant under one command: where its heat started, and the circuit there and where it will settle.
 
     Both circuits are None where nothing runs, and before ``solved``: only an episode that somebody looks at is
-    worth solving, and only one that lasts has an end.
+    worth solving, and only one that lasts has an end. ``output_V`` is the output voltage that it started from.
     """
 
     since_s: float
     heat: Heat
+    output_V: float = 0.0
     solved: bool = False
     first: Electrical | None = None
     last: Electrical | None = None
@@ -147,10 +148,10 @@ class Plant:
     def _begin(self, command: Command) -> None:
         """End the present episode and start another from its heat."""
         now_s = self.clock.now()
-        heat = self._heat(now_s)
+        heat, output_V = self._heat(now_s), self.output_V
         self._command = command
         self._visits[command] += 1
-        self._episode = _Episode(since_s=now_s, heat=heat)
+        self._episode = _Episode(since_s=now_s, heat=heat, output_V=output_V)
 
     def _look(self) -> _Episode:
         """The present episode, solved where it started; and where it will settle, once it has lasted."""
@@ -193,6 +194,27 @@ class Plant:
         if np.abs(end.heatsink_C - episode.heat.heatsink_C)[0] > _FAR_K:
             last = lab.run(demand, power, lab.final_heat(last.losses, ambient), last)
         return last if last.running[0] else first
+
+    # what a command meets: an output capacitor keeps its voltage, and a fault takes time to come
+
+    @property
+    def _has_just_begun(self) -> bool:
+        return not self._episode.solved and self.clock.now() <= self._episode.since_s
+
+    @property
+    def output_V(self) -> float:
+        """Output voltage at this moment; in the one in which something was set, what it was before."""
+        with self._lock:
+            if self._has_just_begun:
+                return self._episode.output_V
+            first = self._look().first
+            return 0.0 if first is None else float(first.V2_V[0])
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What has tripped by now; what is set wrong trips once time has passed."""
+        with self._lock:
+            return self._faults if self._has_just_begun else self.state().faults
 
     # state
 

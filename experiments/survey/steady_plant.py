@@ -35,7 +35,6 @@ class SteadyState:
     T_transformer_C: float = AMBIENT_C
     T_inductor_C: float = AMBIENT_C
     T_ambient_C: float = AMBIENT_C
-    faults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +129,16 @@ class SteadyPlant:
         s = self._setting
         return not (s.pwm or s.supply_on or s.load_on)
 
+    @property
+    def output_V(self) -> float:
+        """Output voltage at this moment."""
+        return self.state().load_V
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What has tripped."""
+        return self._faults
+
     def state(self) -> SteadyState:
         """What the instruments' own sensors see now."""
         with self._lock:
@@ -146,7 +155,6 @@ class SteadyPlant:
                 T_heatsink_C=AMBIENT_C + warm,
                 T_transformer_C=AMBIENT_C + 2 * warm,
                 T_inductor_C=AMBIENT_C + 2 * warm,
-                faults=self._faults,
             )
 
     def analyzer(self, update: int, update_s: float, ranges: Mapping[str, float]) -> dict[str, float]:

@@ -37,6 +37,14 @@ class FakePlant:
     modulations: tuple[str, ...] = ("hybrid", "dps")
     broken: tuple[str, ...] = ()  # the faults that come whenever the PWM goes on
 
+    @property
+    def faults(self) -> tuple[str, ...]:
+        return self.present.faults
+
+    @property
+    def output_V(self) -> float:
+        return self.present.load_V
+
     def state(self) -> FakeState:
         return replace(self.present, time_s=self.clock.now())
 

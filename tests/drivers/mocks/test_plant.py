@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.plant import Plant, PlantState
 
 UPDATE_S = 0.5
@@ -113,6 +114,29 @@ def test_how_often_it_is_looked_at_does_not_matter() -> None:
         often.state()
     assert often.state().T_heatsink_C == pytest.approx(seldom.state().T_heatsink_C, abs=1e-9)
     assert input_W(often.state()) == pytest.approx(input_W(seldom.state()), abs=1e-9)
+
+
+def test_what_lasts_no_time_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant, solved = running(), []
+    plant.clock.sleep(60.0)
+    plant.state()
+    run = Laboratory.run
+    monkeypatch.setattr(Laboratory, "run", lambda *a: solved.append(a) or run(*a))
+    plant.set_bridge(pwm=True, D1=0.9, D2=0.0)
+    plant.set_load(on=True, power_W=800.0)
+    # what the load and the controller look at while the set point is on its way
+    assert (plant.output_V, plant.faults) == (pytest.approx(140.0, rel=0.01), ())  # sensing error and cable
+    assert not solved
+
+
+def test_what_is_set_wrong_trips_once_time_has_passed() -> None:
+    plant = running()
+    plant.clock.sleep(1.0)
+    plant.set_bridge(pwm=True, D1=0.3, D2=0.6)
+    assert plant.faults == ()
+    plant.clock.sleep(0.1)
+    assert plant.faults == ("output_undervoltage",)
+    assert plant.output_V == 0.0
 
 
 def test_a_run_repeats_to_the_last_digit() -> None:
