@@ -36,7 +36,7 @@ def path_integrals(
 
     ``square`` (10, N) are the integrals of the squared current that its resistances carry.
     """
-    half_period = np.sum(pieces.duration_s, axis=0)
+    half_period = pieces.half_period_s
     charge, live = pieces.charge(), np.abs(voltage_V) > 0.5 * link_V
     positive = 0.5 + 0.5 * pieces.sign  # a share where the sign is a mean
     along = np.where(live, np.where(voltage_V > 0, positive, 1.0 - positive), 0.0)

@@ -82,7 +82,7 @@ class LinkCurrent:
 
 def link_current(pieces: Pieces, frequency_Hz: float) -> LinkCurrent:
     """Measure the half-wave symmetric link current."""
-    half_period = np.sum(pieces.duration_s, axis=0)
+    half_period = pieces.half_period_s
     return LinkCurrent(
         square_A2=np.sum(pieces.square(), axis=0) / half_period,
         slope_share_A2=np.sum(pieces.squared_induced(), axis=0)
@@ -97,7 +97,7 @@ def magnetic_losses(
 ) -> dict[str, Array]:
     """Copper and core of both magnetic parts, and the link's plain resistance."""
     inductor, transformer = converter.inductor, converter.transformer
-    half_period = np.sum(pieces.duration_s, axis=0)
+    half_period = pieces.half_period_s
     rise_A = np.abs(pieces.end_A - pieces.current_A)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = np.where(pieces.duration_s > 0, rise_A / pieces.duration_s, 0.0)

@@ -57,7 +57,7 @@ class Orbit:
     def renewed(self, rows: NDArray[np.intp], part: "Orbit") -> "Orbit":
         """This orbit with some of its points taken from another one; its arrays are written to."""
         _put(self, rows, part)
-        return self
+        return replace(self, pieces=replace(self.pieces))  # without the integrals of what was there
 
     def output_power_W(self) -> Array:
         """Power into the ideal secondary bridge: the mean of n vs i, and what the magnetizing current carries."""
@@ -91,12 +91,12 @@ def _put(whole: Any, rows: NDArray[np.intp], part: Any) -> None:
 
 def _mean_power_W(pieces: Pieces, voltage_V: Array) -> Array:
     """Mean of a voltage, (10, N) over the pieces, times the current."""
-    return np.asarray(np.sum(voltage_V * pieces.charge(), axis=0) / np.sum(pieces.duration_s, axis=0))
+    return np.asarray(np.sum(voltage_V * pieces.charge(), axis=0) / pieces.half_period_s)
 
 
 def bridge_power_W(pieces: Pieces) -> Array:
     """Power (N,) into the ideal secondary bridge."""
-    return np.asarray(np.sum(pieces.bridge_energy(), axis=0) / np.sum(pieces.duration_s, axis=0))
+    return np.asarray(np.sum(pieces.bridge_energy(), axis=0) / pieces.half_period_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,16 +1,31 @@
 """The link current in exponential pieces, and its integrals in closed form."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, wraps
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.decay import decay_integral, decay_moment, decay_ramp, decay_square
+from sim.decay import Decay, decay_integral
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+def _once(integral: "Callable[[Pieces], Array]") -> "Callable[[Pieces], Array]":
+    """An integral that is kept: powers, losses and Newton's rule ask for the same ones."""
+    place = f"_{integral.__name__}"
+
+    @wraps(integral)
+    def kept(pieces: "Pieces") -> Array:
+        if place not in vars(pieces):
+            vars(pieces)[place] = integral(pieces)
+        return np.asarray(vars(pieces)[place])
+
+    return kept
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pieces:
     """The half period in exponential pieces (some empty), arrays (K, N), as many in each of five stretches.
 
@@ -18,7 +33,7 @@ class Pieces:
     ``drive_A_per_s``, a = ``decay_per_s``, and the ``share`` rho of the magnetizing current, which starts from
     ``magnetizing_A`` and rises by ``magnetizing_A_per_s``; y is the rest of ``current_A`` at the start. ``sign`` is
     that of the current. Integrals are of what leaves the terminals, the current and ``eddy_s`` times its slope;
-    ``relative_L`` scales both inductance and ``eddy_s``.
+    ``relative_L`` scales both inductance and ``eddy_s``. What was asked once is kept: arrays stay as they are.
     """
 
     start_s: Array
@@ -50,82 +65,114 @@ class Pieces:
         straight = pick(self.current_A) + pick(self.share * self.magnetizing_A_per_s) * t
         return straight + t * decay_integral(pick(self.decay_per_s) * t) * first
 
-    @property
+    @cached_property
+    def _rest_A(self) -> Array:
+        """y at the start."""
+        return self.current_A - self.share * self.magnetizing_A
+
+    @cached_property
     def _first(self) -> Array:
         """dy/dt at the start."""
-        return self.drive_A_per_s - self.decay_per_s * (self.current_A - self.share * self.magnetizing_A)
+        return self.drive_A_per_s - self.decay_per_s * self._rest_A
 
-    @property
+    @cached_property
+    def _line_A_per_s(self) -> Array:
+        """Slope of the share of the magnetizing current."""
+        return self.share * self.magnetizing_A_per_s
+
+    @cached_property
+    def _decay(self) -> Decay:
+        """Of y over each piece."""
+        return Decay.of(self.decay_per_s * self.duration_s)
+
+    @cached_property
+    def _change_A(self) -> Array:
+        """What y would change by in a piece if it did not decay."""
+        return self._first * self.duration_s
+
+    @cached_property
+    def _magnetized_A(self) -> Array:
+        """What the magnetizing current changes by in a piece."""
+        return self.magnetizing_A_per_s * self.duration_s
+
+    @cached_property
+    def _eddy_s(self) -> Array:
+        return self.eddy_s * self.relative_L
+
+    @cached_property
+    def half_period_s(self) -> Array:
+        """Th (N,)."""
+        return np.asarray(np.sum(self.duration_s, axis=0))
+
+    @cached_property
     def slope_A_per_s(self) -> Array:
         """di/dt at the start."""
-        return np.asarray(self._first + self.share * self.magnetizing_A_per_s)
+        return self._first + self._line_A_per_s
 
     def slope_at(self, current_A: Array, time_s: Array) -> Array:
         """di/dt a time after the start, at the current there."""
         return self.slope_A_per_s - self.decay_per_s * (
-            current_A - self.current_A - self.share * self.magnetizing_A_per_s * time_s
+            current_A - self.current_A - self._line_A_per_s * time_s
         )
 
-    @property
+    @cached_property
     def end_A(self) -> Array:
         """Current at the end of each piece, in A: where the next one starts."""
-        T, line = self.duration_s[-1], (self.share * self.magnetizing_A_per_s)[-1]
-        last = self.current_A[-1] + T * (self._first[-1] * decay_integral(self.decay_per_s[-1] * T) + line)
+        T = self.duration_s[-1]
+        curved = self._first[-1] * decay_integral(self.decay_per_s[-1] * T)
+        last = self.current_A[-1] + T * (curved + self._line_A_per_s[-1])
         return np.concatenate([self.current_A[1:], last[None]])
 
+    @_once
+    def _plain(self) -> Array:
+        """Integral of the current, without what the eddy currents take."""
+        y = self._rest_A + self._change_A * self._decay.second
+        return self.duration_s * (y + self.share * (self.magnetizing_A + 0.5 * self._magnetized_A))
+
+    @_once
+    def _crossed(self) -> Array:
+        """Integral of y times the magnetizing current."""
+        y, change, decay = self._rest_A, self._change_A, self._decay
+        timed = 0.5 * y + change * decay.ramp()  # y times s, the time as a share of the piece
+        return self.duration_s * (
+            self.magnetizing_A * (y + change * decay.second) + self._magnetized_A * timed
+        )
+
+    @_once
     def charge(self) -> Array:
         """Integral of the terminal current over each piece, in A s."""
-        return self._charge(self._integrals()[0])
+        return self._plain() + self._eddy_s * (self.end_A - self.current_A)
 
-    def _charge(self, y: Array) -> Array:
-        T = self.duration_s
-        line = self.share * T * (self.magnetizing_A + 0.5 * self.magnetizing_A_per_s * T)
-        return np.asarray(y + line + self.eddy_s * self.relative_L * (self.end_A - self.current_A))
-
-    def _integrals(self) -> tuple[Array, Array]:
-        """Of y and of y times the time from the start."""
-        T, x = self.duration_s, self.decay_per_s * self.duration_s
-        y = self.current_A - self.share * self.magnetizing_A
-        plain = T * (y * decay_integral(x) + self.drive_A_per_s * T * decay_moment(x))
-        return plain, T**2 * (0.5 * y + self._first * T * decay_ramp(x))
-
+    @_once
     def square(self) -> Array:
         """Integral of the squared terminal current over each piece, in A^2 s."""
-        T, i, w = self.duration_s, self.current_A - self.share * self.magnetizing_A, self.drive_A_per_s
-        x = self.decay_per_s * T
-        plain = T * (
-            i**2 * decay_integral(2 * x) + w * T * (i * decay_integral(x) ** 2 + w * T * decay_square(x))
-        )
-        crossed = 2.0 * self.share * self._by_magnetizing(*self._integrals())
-        line = self.share**2 * self.magnetizing_square()
-        eddy_s = self.eddy_s * self.relative_L
-        eddy = eddy_s * (self.end_A**2 - self.current_A**2 + eddy_s * self.squared_slope())
-        return np.asarray(plain + crossed + line + eddy)
+        y, change, decay = self._rest_A, self._change_A, self._decay
+        plain = self.duration_s * (y * y + change * (2.0 * y * decay.second + change * decay.square()))
+        shared = self.share * (2.0 * self._crossed() + self.share * self.magnetizing_square())
+        rise = self.end_A**2 - self.current_A**2
+        return plain + shared + self._eddy_s * (rise + self._eddy_s * self.squared_slope())
 
-    def _by_magnetizing(self, plain: Array, timed: Array) -> Array:
-        """Integral of a quantity times the magnetizing current, from those of itself and of itself times time."""
-        return np.asarray(self.magnetizing_A * plain + self.magnetizing_A_per_s * timed)
-
+    @_once
     def magnetizing_square(self) -> Array:
         """Integral of the squared magnetizing current over each piece, in A^2 s."""
-        T, m, s = self.duration_s, self.magnetizing_A, self.magnetizing_A_per_s
-        return np.asarray(T * (m * m + s * T * (m + s * T / 3.0)))
+        m, change = self.magnetizing_A, self._magnetized_A
+        return self.duration_s * (m * m + change * (m + change / 3.0))
 
+    @_once
     def both(self) -> Array:
         """Integral of terminal times magnetizing current over each piece, in A^2 s."""
-        return self._both(*self._integrals())
+        m = self.magnetizing_A
+        product = self._crossed() + self.share * self.magnetizing_square()
+        end = self.end_A * (m + self._magnetized_A)
+        induced = end - self.current_A * m - self.magnetizing_A_per_s * self._plain()
+        return product + self._eddy_s * induced
 
-    def _both(self, y: Array, timed: Array) -> Array:
-        T, m, s = self.duration_s, self.magnetizing_A, self.magnetizing_A_per_s
-        plain = y + self.share * T * (m + 0.5 * s * T)
-        timed = timed + self.share * T**2 * (0.5 * m + s * T / 3.0)
-        induced = self.end_A * (m + s * T) - self.current_A * m - s * plain
-        return np.asarray(self._by_magnetizing(plain, timed) + self.eddy_s * self.relative_L * induced)
-
+    @_once
     def secondary_square(self) -> Array:
         """Integral of the squared terminal current less the magnetizing one over each piece, in A^2 s."""
-        return np.asarray(self.square() - 2.0 * self.both() + self.magnetizing_square())
+        return self.square() - 2.0 * self.both() + self.magnetizing_square()
 
+    @_once
     def bridge_energy(self) -> Array:
         r"""Energy into the ideal secondary bridge over each piece, in J.
 
@@ -133,16 +180,15 @@ class Pieces:
         bridge takes n vs (i - d), and of a period :math:`-\langle n v_s d \rangle = R' \langle (i - i_m) i_m \rangle`
         by parts of n vs = Lm di_m/dt.
         """
-        y, timed = self._integrals()
-        shunted = self.behind_Ohm * (self._both(y, timed) - self.magnetizing_square())
-        return np.asarray(self.nvs_V * self._charge(y) + shunted)
+        shunted = self.behind_Ohm * (self.both() - self.magnetizing_square())
+        return self.nvs_V * self.charge() + shunted
 
+    @_once
     def squared_slope(self) -> Array:
         """Integral of (di/dt)^2 over each piece, in A^2/s."""
-        T, line, first = self.duration_s, self.share * self.magnetizing_A_per_s, self._first
-        x = self.decay_per_s * T
-        curved = first**2 * decay_integral(2 * x) + 2.0 * line * first * decay_integral(x)
-        return np.asarray(T * (curved + line**2))
+        first, line, decay = self._first, self._line_A_per_s, self._decay
+        curved = first * (first * decay.twice() + 2.0 * line * decay.first)
+        return self.duration_s * (curved + line * line)
 
     def squared_induced(self) -> Array:
         """The same of the voltage across the inductance, over that of a small current squared."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.decay import decay_integral, decay_moment, decay_square
+from sim.decay import Decay, decay_integral
 
 X = np.array([0.0, 1e-12, 1e-6, 1e-3, 0.03, 0.0999, 0.1001, 0.5, 3.0, 40.0])
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
@@ -16,22 +16,26 @@ def rise(x: np.ndarray) -> np.ndarray:
     return np.where(x[:, None] == 0, S, -np.expm1(-safe * S) / safe)
 
 
-@pytest.mark.parametrize(
-    ("ours", "quadrature"),
-    [
-        (decay_integral, np.exp(-X[:, None] * S) @ W),
-        (decay_moment, rise(X) @ W),
-        (decay_square, rise(X) ** 2 @ W),
-    ],
-    ids=["integral", "moment", "square"],
-)
-def test_it_is_the_integral_down_to_nothing(ours, quadrature: np.ndarray) -> None:
+FORMS = {
+    "integral": (decay_integral, np.exp(-X[:, None] * S) @ W),
+    "first": (lambda x: Decay.of(x).first, np.exp(-X[:, None] * S) @ W),
+    "moment": (lambda x: Decay.of(x).second, rise(X) @ W),
+    "twice": (lambda x: Decay.of(x).twice(), decay_integral(2 * X)),
+    "ramp": (lambda x: Decay.of(x).ramp(), (S * rise(X)) @ W),
+    "square": (lambda x: Decay.of(x).square(), rise(X) ** 2 @ W),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_it_is_the_integral_down_to_nothing(name: str) -> None:
+    ours, quadrature = FORMS[name]
     each = np.concatenate([ours(X[k : k + 1]) for k in range(X.size)])
     # closed forms start at 0.1, where they subtract numbers that agree in two digits
     np.testing.assert_allclose(each, quadrature, rtol=1e-13)
 
 
-def test_a_mixed_array_is_as_its_elements() -> None:
-    for function in (decay_integral, decay_moment, decay_square):
-        alone = np.concatenate([function(X[k : k + 1]) for k in range(X.size)])
-        np.testing.assert_allclose(function(X), alone, rtol=1e-15)
+@pytest.mark.parametrize("name", FORMS)
+def test_a_mixed_array_is_as_its_elements(name: str) -> None:
+    function, _ = FORMS[name]
+    alone = np.concatenate([function(X[k : k + 1]) for k in range(X.size)])
+    np.testing.assert_allclose(function(X), alone, rtol=1e-15)
