@@ -29,7 +29,11 @@ _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
 _FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out, three times over
-_FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a worse place than off
+_SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
+_FAR = (
+    -0.4,
+    0.4,
+)  # of the prior scale: where to start again where the line misled, to a worse place than off
 _NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _REACH = 3.0  # prior scales that a line is trusted over
 
@@ -140,12 +144,14 @@ def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
     nothing = Fit.nothing(refinery.residual.size)
     lines = _best_variants(_screened(refinery, nothing))
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
+    straight = refinery.weighed(nothing).log_evidence
     nothing, *curves = refinery.simulated([nothing, *lines, *scans])
     curves, scans = curves[: len(lines)], curves[len(lines) :]
     starts = [
         start
         for line, curve in zip(lines, curves, strict=True)
-        if not line.terms[0].head.starts and curve.log_evidence < nothing.log_evidence
+        if not line.terms[0].head.starts
+        and curve.log_evidence - nothing.log_evidence < min(line.log_evidence - straight - _SHORT_OF, 0.0)
         for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
     ]
     at_start = refinery.weighed_all(starts)
