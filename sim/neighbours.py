@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _ROUNDS = 8
-_AGAIN, _HANDFUL = 3, 40  # looks after which so few have their own response taken: smaller calls cost as much
+_AGAIN, _HANDFUL = 2, 40  # looks after which so few have their own response taken: smaller calls cost as much
 _ANEW = 3  # times that those put aside have their response taken
 _FEW, _SHARE = 60, 1 / 30  # of all: more would cost as much as they save
 _SHORTER = 0.5  # times the last step: a point whose steps are not is put aside
@@ -81,30 +81,27 @@ class Response:
     columns: Array
 
     @classmethod
-    def of(cls, station: Station) -> "tuple[Response, Station]":
-        """By differences about a solution; and the solution, one last step nearer."""
-        z, (state, left) = _unknowns(station), station.missed()
+    def of(cls, station: Station) -> "tuple[Response, Look]":
+        """By differences about a state near a solution; and what there is at that state."""
+        z = _unknowns(station)
         count, size = z.shape
-        moved = np.tile(z, count)
+        moved = np.tile(z, count + 1)
         for k in range(count):
-            moved[k, k * size : (k + 1) * size] += _DIFFERENCE
-        everywhere = np.arange(size)
-        aside = _at(station.take(np.tile(everywhere, count)), moved)
-        there, missed = aside.missed()
-        jacobian = _slopes(missed, left, count)
-        told, here = (
-            columns(aside.converter, there, aside.points),
-            columns(station.converter, state, station.points),
-        )
-        change = _slopes(told, here, count)
+            moved[k, (k + 1) * size : (k + 2) * size] += _DIFFERENCE
+        look = Look.at(_at(station.take(np.tile(np.arange(size), count + 1)), moved))
+        jacobian, change = _slopes(look.missed, size), _slopes(look.columns, size)
         change[:, -FLAGS:] = 0.0
         try:
             inverse = np.linalg.inv(jacobian)
         except np.linalg.LinAlgError:
             inverse = np.linalg.pinv(jacobian)
         response = cls(inverse=np.asarray(inverse, dtype=np.float64), columns=change)
-        step = response.step(everywhere, left)
-        return response, _at(station, z + np.where(_short(station, step, left), step, 0.0))
+        return response, look.take(np.arange(size))
+
+    def nearer(self, station: Station, look: "Look") -> Station:
+        """The station that this is the response of, one last step nearer to the solution."""
+        step = self.step(np.arange(len(station.points)), look.missed)
+        return _at(station, _unknowns(station) + np.where(_short(station, step, look.missed), step, 0.0))
 
     def take(self, chosen: Rows) -> "Response":
         """That of some of the points."""
@@ -119,10 +116,30 @@ class Response:
         return np.asarray(np.matmul(self.columns[chosen], step.T[..., None])[..., 0].T)
 
 
-def _slopes(there: Array, here: Array, count: int) -> Array:
-    """Differences (N, k, count) of k quantities (k, count N) with each unknown moved, from those (k, N) with none."""
-    change = there.reshape(len(here), count, -1) - here[:, None]
-    return np.moveaxis(change, 2, 0) / _DIFFERENCE
+def _slopes(values: Array, size: int) -> Array:
+    """Differences (N, k, n) that each unknown makes of k quantities, from those (k, (n + 1) N), none moved first."""
+    apart = values.reshape(len(values), -1, size)
+    return np.moveaxis(apart[:, 1:] - apart[:, :1], 2, 0) / _DIFFERENCE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """What there is at N points: columns (C, N), why they cannot be, what they miss of a steady state (n, N)."""
+
+    columns: Array
+    why: NDArray[np.str_]
+    missed: Array
+
+    @classmethod
+    def at(cls, station: Station) -> "Look":
+        """All of it at a station."""
+        state, missed = station.missed()
+        told = columns(station.converter, state, station.points)
+        return cls(columns=told, why=impossible(state, told), missed=missed)
+
+    def take(self, chosen: Rows) -> "Look":
+        """That of some of the points."""
+        return Look(columns=self.columns[:, chosen], why=self.why[chosen], missed=self.missed[:, chosen])
 
 
 def _short(station: Station, step: Array, missed: Array) -> NDArray[np.bool_]:
@@ -151,19 +168,22 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
     What strays is put aside until all others are done.
     """
     whole, rows, z = station, np.arange(origin.size), _unknowns(station)
+    look: Look | None = None
     for _ in range(_ANEW):
         aside, steps = list[tuple[Rows, Array]](), list[Array]()
         for turn in range(_ROUNDS):
-            state, missed = station.missed()
-            step = _taught(response.step(origin, missed), steps)
-            ends = _short(station, step, missed)
+            look = look or Look.at(station)
+            step = _taught(response.step(origin, look.missed), steps)
+            ends = _short(station, step, look.missed)
             if np.any(ends):
-                done, told = np.flatnonzero(ends), columns(station.converter, state, station.points)
+                done = np.flatnonzero(ends)
+                there = look.take(done)
                 further = response.moved(origin[done], step[:, done])
-                why = impossible(state, told)[done]
                 yield Found(
-                    rows=rows[done], columns=told[:, done] + further, why=why, unknowns=(z + step)[:, done]
-                )
+                    rows=rows[done], columns=there.columns + further, why=there.why,
+                    unknowns=(z + step)[:, done],
+                )  # fmt: skip
+            look = None
             shorter = np.ones(rows.size, dtype=bool)
             if steps:
                 shorter = _dot(step, step) < _SHORTER**2 * _dot(steps[-1], steps[-1])
@@ -180,8 +200,8 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
         rows, z = (np.concatenate(parts, axis=-1) for parts in zip((rows, z), *aside, strict=True))
         if not rows.size or rows.size > max(_FEW, _SHARE * len(whole.points)):
             return
-        response, station = Response.of(_at(whole.take(rows), z))
-        origin, z = np.arange(rows.size), _unknowns(station)
+        station, origin = _at(whole.take(rows), z), np.arange(rows.size)
+        response, look = Response.of(station)
 
 
 def _taught(step: Array, steps: list[Array]) -> Array:

@@ -225,7 +225,8 @@ class _Seed:
         """Of what was solved at ``rows`` of ``size`` points."""
         solved, response = outcome.station.ready(outcome.state), None
         if learn and rows.size:
-            response, solved = Response.of(solved)
+            response, look = Response.of(solved)
+            solved = response.nearer(solved, look)
         return cls(
             size=size, rows=rows, start=solved.start(), spare=outcome.comfortable(_SPARE), response=response
         )

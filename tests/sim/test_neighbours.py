@@ -41,7 +41,9 @@ def response() -> Response:
 
 def found() -> tuple[Response, Station]:
     outcome = operate(prototype(), points())
-    return Response.of(outcome.station.ready(outcome.state))
+    station = outcome.station.ready(outcome.state)
+    response, look = Response.of(station)
+    return response, response.nearer(station, look)
 
 
 def looks(solved: Station, response: Response, converter: Converter) -> list[int]:
