@@ -167,7 +167,10 @@ class Meeting:
 
     def driven(self, position: Array) -> Array:
         """dx/dt (m, K) with the legs at positions from -1 to 1, without drops."""
-        return self.outside_A_per_s + _sum(np.swapaxes(self.coupling_A_per_s, 0, 1) * position[:, None])
+        slope = self.outside_A_per_s.copy()
+        for leg, at in enumerate(position):
+            slope += self.coupling_A_per_s[:, leg] * at
+        return slope
 
     def dropped(self, position: Array) -> tuple[Array, Array]:
         """What drops take of it times the sign of the link current, and whatever that is, (K,)."""

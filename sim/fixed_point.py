@@ -57,7 +57,7 @@ def operate(converter: Converter, points: Points, warm: WarmStart | None = None)
     if moved.size:  # the last solution left a falling branch: temperatures are others there
         station.known.put(rows[moved], state.regulated.take(moved))
         _settle(station, memory, rows[moved])
-        left, state = _stated(station)
+        left, state = _stated_anew(station, moved, state)
     return Outcome(reached=station.known.reached, most_W=station.known.most_W, state=state, station=left)
 
 
@@ -70,6 +70,18 @@ def _stated(station: Station) -> tuple[Station, OperatingState]:
         if np.all(state.regulated.reached):
             return left, state
         station.known.reached[rows] = state.regulated.reached
+
+
+def _stated_anew(
+    station: Station, moved: NDArray[np.intp], state: OperatingState
+) -> tuple[Station, OperatingState]:
+    """The same, with a solution of all of them of which only those ``moved`` are not right any more."""
+    left = station.take(np.flatnonzero(station.known.reached))
+    if len(left.points) == state.balance.P2_W.size:
+        again = left.take(moved).solve(FINE)
+        if np.all(again.regulated.reached):
+            return left, state.renewed(moved, again)
+    return _stated(station)
 
 
 def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None:

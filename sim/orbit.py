@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sim.commutation import Commutation
 from sim.dead_times import EdgeView, commutations
 from sim.pieces import Pieces
+from sim.stacking import put
 from sim.waveform import Circuit, Steps, march
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ class Orbit:
 
     def renewed(self, rows: NDArray[np.intp], part: "Orbit") -> "Orbit":
         """This orbit with some of its points taken from another one; its arrays are written to."""
-        _put(self, rows, part)
+        put(self, rows, part)
         return replace(self, pieces=replace(self.pieces))  # without the integrals of what was there
 
     def output_power_W(self) -> Array:
@@ -78,15 +79,6 @@ def _among(part: Any, size: int, rows: NDArray[np.intp]) -> Any:
             changed[field.name] = np.zeros((*own.shape[:-1], size), dtype=own.dtype)
             changed[field.name][..., rows] = own
     return replace(part, **changed)
-
-
-def _put(whole: Any, rows: NDArray[np.intp], part: Any) -> None:
-    for field in fields(whole):
-        mine, other = getattr(whole, field.name), getattr(part, field.name)
-        if is_dataclass(mine):
-            _put(mine, rows, other)
-        elif isinstance(mine, np.ndarray):
-            mine[..., rows] = other
 
 
 def _mean_power_W(pieces: Pieces, voltage_V: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, periodic, settle, step_once
+from sim.steady_state import FINE, NEAR, SHIFT, Accuracy, Demand, Orbit, periodic, settle, step_once
 from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
@@ -217,7 +217,7 @@ class _Bracketed:
         """Powers at many phases (K, M) of some of the points, all at once."""
         repeated = np.tile(chosen, phases.shape[0])
         circuit, edges, guess = self._guess(phases.ravel(), repeated)
-        _, orbit, _ = settle(circuit, edges, guess, None, rounds=_SCAN_ROUNDS)
+        _, orbit, _ = settle(circuit, edges, guess, None, accuracy=NEAR, rounds=_SCAN_ROUNDS)
         return np.asarray((self.way[repeated] * orbit.output_power_W()).reshape(phases.shape))
 
     def _guess(self, phase: Array, chosen: NDArray[np.intp]) -> tuple[Circuit, Array, Array]:

@@ -58,6 +58,18 @@ def pick(parameters: T, chosen: np.ndarray[Any, Any]) -> T:
     return _with(parameters, changed) if changed else parameters
 
 
+def put(whole: Any, rows: np.ndarray[Any, Any], part: Any) -> None:
+    """Write the arrays of a part into those of the whole, whose points ``rows`` it has."""
+    if is_dataclass(whole):
+        for field in fields(whole):
+            put(getattr(whole, field.name), rows, getattr(part, field.name))
+    elif isinstance(whole, dict):
+        for name, values in whole.items():
+            put(values, rows, part[name])
+    elif isinstance(whole, np.ndarray):
+        whole[..., rows] = part
+
+
 def _with(parameters: T, changed: dict[str, Any]) -> T:
     """A copy with other values; they stem from parameters that were checked, and are not checked again."""
     copy = object.__new__(type(parameters))

@@ -16,7 +16,7 @@ from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.prototype import prototype
 from sim.regulation import Regulated, follow, regulate, spare_power
-from sim.stacking import pick
+from sim.stacking import pick, put
 from sim.steady_state import COARSE, Accuracy, half_period
 from sim.thermal import temperatures
 from sim.waveform import Circuit
@@ -69,6 +69,12 @@ class OperatingState:
     regulated: Regulated
     current: LinkCurrent
     balance: Balance
+
+    def renewed(self, rows: NDArray[np.intp], part: "OperatingState") -> "OperatingState":
+        """This state with some of its points taken from another one; its arrays are written to."""
+        put(self, rows, part)
+        orbit = self.regulated.orbit.renewed(rows, part.regulated.orbit)
+        return replace(self, regulated=replace(self.regulated, orbit=orbit))
 
 
 def _input_current(power_W: Array, V1_V: Array, resistance_Ohm: Array | float) -> Array:

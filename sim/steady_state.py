@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from sim.anderson import accelerated
 from sim.dead_times import magnetizing_current
 from sim.newton import Demand, settle, step_once
-from sim.orbit import COARSE, FINE, SHIFT, Accuracy, Orbit, Sweep
+from sim.orbit import COARSE, FINE, NEAR, SHIFT, Accuracy, Orbit, Sweep
 from sim.pieces import Pieces
 from sim.waveform import Circuit, lossless_start_A
 
 __all__ = [
     "COARSE",
     "FINE",
+    "NEAR",
     "SHIFT",
     "Accuracy",
     "Circuit",

@@ -198,8 +198,9 @@ def _steps_of_all(meeting: Meeting) -> tuple[Array, Array]:
 class _Together:
     """K groups of m legs that meet, half way through their dead times, arrays (m, K).
 
-    ``starts_s`` and ``steps_s`` (S, K) are the graded steps of every leg, in order; ``integral`` is that of the curve
-    so far; ``opened_A`` and ``closed_A`` are x where the dead time begins and ends, ``last`` the position there.
+    ``starts_s`` and ``steps_s`` (S, K) are the graded steps of every leg, in order, ``begun`` and ``moving`` (S, m, K)
+    tell in which a leg has opened, and not closed yet; ``integral`` is that of the curve so far; ``opened_A`` and
+    ``closed_A`` are x where the dead time begins and ends, ``last`` the position there.
     """
 
     x: Array
@@ -214,6 +215,8 @@ class _Together:
     last: Array
     starts_s: Array
     steps_s: Array
+    begun: NDArray[np.bool_]
+    moving: NDArray[np.bool_]
     closes_s: Array
     per_charge: Array
     meeting: Meeting
@@ -223,10 +226,13 @@ class _Together:
         """Before the first of them opens."""
         x, zero = meeting.current_A, np.zeros_like(meeting.current_A)
         starts_s, steps_s = _steps_of_all(meeting)
+        closes_s, middle = meeting.opens_s + meeting.dead_time_s, (starts_s + 0.5 * steps_s)[:, None]
+        begun = middle > meeting.opens_s
         return cls(
             x=x, q=zero, u=zero - 1.0, integral=zero, reached=zero, opposite=zero, over=zero,
             opened_A=x, closed_A=x, last=x, starts_s=starts_s, steps_s=steps_s,
-            closes_s=meeting.opens_s + meeting.dead_time_s, per_charge=meeting.per_charge(), meeting=meeting,
+            begun=begun, moving=begun & (middle <= closes_s), closes_s=closes_s,
+            per_charge=meeting.per_charge(), meeting=meeting,
         )  # fmt: skip
 
     def take(self, chosen: Index) -> "_Together":
@@ -269,26 +275,28 @@ class _Together:
 
     def step(self, curves: Curves, k: int) -> None:
         """One step; in it no leg opens or closes."""
-        meeting, h = self.meeting, self.steps_s[k]
-        middle = self.starts_s[k] + 0.5 * h
-        begun, done = middle > meeting.opens_s, middle > self.closes_s
-        moving = begun & ~done
-        q, u = np.where(done, FULL, self.q), np.where(done, 1.0, self.u)
-        driven, own_h = meeting.driven(u), moving * h
+        meeting, h, begun, moving = self.meeting, self.steps_s[k], self.begun[k], self.moving[k]
+        q, u, all_moving, all_begun = self.q, self.u, bool(np.all(moving)), bool(np.all(begun))
+        if not all_moving:  # what has closed is at the new rail
+            done = begun & ~moving
+            q, u = np.where(done, FULL, q), np.where(done, 1.0, u)
+        driven, own_h = meeting.driven(u), h if all_moving else moving * h
         taken = self._taken(h, driven[0], u)
-        moved = self.per_charge * own_h * (self.x + (0.5 * h + meeting.eddy_s) * (driven - taken))
+        driven -= taken
+        moved = self.per_charge * own_h * (self.x + (0.5 * h + meeting.eddy_s) * driven)
         ahead = q + moved
         after = limited(ahead, 0.0, FULL)
-        self.u, _, integral = curves.at(meeting.curve, after)
-        mean = mean_position(self.u, np.where(done, 0.0, integral - self.integral), after - q, moved)
+        u, _, integral = curves.at(meeting.curve, after)
+        mean = mean_position(u, integral - self.integral, after - q, moved)
         beyond = ahead - after
-        self.q, self.integral, self.over = after, integral, self.over + beyond
+        self.q, self.u, self.integral, self.over = after, u, integral, self.over + beyond
         self.opposite = self.opposite + np.maximum(beyond, 0.0)
         self.reached = self.reached + own_h * (0.5 + 0.5 * mean)
         self.x = self.x + h * (meeting.driven(mean) - taken)
-        self.opened_A = np.where(begun, self.opened_A, self.x)
-        self.closed_A = np.where(moving, self.x, self.closed_A)
-        self.last = np.where(moving, self.u, self.last)
+        if not all_begun:
+            self.opened_A = np.where(begun, self.opened_A, self.x)
+        self.closed_A = self.x if all_moving else np.where(moving, self.x, self.closed_A)
+        self.last = u if all_moving else np.where(moving, u, self.last)
 
     def outcome(self) -> Commutation:
         """The dead times (m, K), once they are over."""
