@@ -20,9 +20,7 @@ Array = NDArray[np.float64]
 
 _SMALL = 0.1
 _TINY = 1e-300  # stands for x = 0
-_TERMS = [
-    (-1.0) ** k / factorial(k + 3) for k in range(8)
-]  # the first one left out is below 1e-15 of the sum
+_TERMS = [(-1.0) ** k / factorial(k + 3) for k in range(8)]  # the first left out is below 1e-15 of the sum
 
 
 def decay_integral(x: Array) -> Array:

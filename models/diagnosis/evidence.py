@@ -30,10 +30,7 @@ _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that 
 _SIGNIFICANT = 3.0  # standard deviations
 _FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out, three times over
 _SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
-_FAR = (
-    -0.4,
-    0.4,
-)  # of the prior scale: where to start again where the line misled, to a worse place than off
+_FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a place worse than off
 _NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _REACH = 3.0  # prior scales that a line is trusted over
 
