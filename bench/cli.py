@@ -81,7 +81,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except InputError as error:
         _say("wrong input", error)
         sys.exit(WRONG_USE)
-    except (BenchError, InstrumentError, OSError, ValueError) as error:
+    except OSError as error:
+        _say("failed", f"{error.filename}: {error.strerror}" if error.filename else error)
+        sys.exit(FAILED)
+    except (BenchError, InstrumentError, ValueError) as error:
         _say("failed", error)
         sys.exit(FAILED)
     except Exception as error:

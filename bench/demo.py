@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from bench.campaign import CampaignOutcome, Job, measurement_table, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
+from bench.demo_beside import LOADS_W, carried_loads, diagnosed, one_thread, simulated_grid, unseen_points
 from bench.model_file import write_model
 from bench.progress import Progress
 from bench.store import Store
-from bench.training import efficiency_of, feasible_of
+from bench.training import efficiency_of
 from drivers.clock import StepClock
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import noise_free_efficiency
@@ -30,7 +30,6 @@ from drivers.mocks.plant import Plant
 from drivers.mocks.rack import Rack
 from models.accuracy import accuracy_of
 from models.dataset import load_measurements
-from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import points_of
 from models.feasibility import FeasibleMap
 from models.lattice import optimise_on_lattice
@@ -50,14 +49,10 @@ from models.surrogate import (
     train_simulator_first,
 )
 from sim.model import Model
-from sim.simulate import Points, grid, simulate
+from sim.simulate import Points, simulate
 
 Table = pd.DataFrame
 Say = Callable[[str], None]
-
-LOADS_W = np.arange(200.0, 2001.0, 100.0)
-_UNSEEN = 300  # points on which every model is judged; none of them was measured
-_FEASIBLE_SHARE = 0.35  # of the box that they are drawn from, at the least
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,24 +101,6 @@ class DemoResult:
     seconds: dict[str, float]
 
 
-def simulated_grid() -> tuple[Table, float]:
-    """The 12,500-point table of the baseline, and the seconds it took."""
-    started = time.perf_counter()
-    table = pd.DataFrame(simulate(Model.baseline(), grid()).columns())
-    return table, time.perf_counter() - started
-
-
-def _one_thread() -> None:
-    """Linear algebra in one thread: a team of them would wait for the campaign's core."""
-    threadpool_limits(1)
-
-
-def diagnosed(frame: Table, seed: int) -> tuple[Diagnosis, float]:
-    """The diagnosis of a measurement table, and the seconds it took."""
-    started = time.perf_counter()
-    return diagnose(load_measurements(frame), seed=seed), time.perf_counter() - started
-
-
 def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) -> DemoResult:
     """Run the whole loop; the bench is off when this returns, and when it raises."""
     watch = Stopwatch()
@@ -135,9 +112,10 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         database = plan.out / "d2ea.sqlite"
         for stale in plan.out.glob("d2ea.sqlite*"):
             stale.unlink()
-    workers = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"), initializer=_one_thread)
+    workers = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"), initializer=one_thread)
     with workers, Rack(plant) as rack, Store(f"sqlite:///{database}") as store:
         simulating = workers.submit(simulated_grid)
+        mapping, drawing = workers.submit(carried_loads), workers.submit(unseen_points, plan.seed)
         bench = check(rack.bench_config(), BenchConfig, file="the mock rack")
         say(f"campaign of {plan.points} points over the wires, 12,500 simulated points beside it")
         with watch.step("campaign"):
@@ -149,11 +127,11 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         with watch.step("train"):
             models = _train(simulation, measured, plan.seed)
         with watch.step("optimise"):
-            searches = _search(models[D2EA], plan.seed)
+            searches = _search(models[D2EA], mapping.result(), plan.seed)
         diagnosis, watch.seconds["diagnose"] = diagnosing.result()
         models[CALIBRATED] = diagnosis.calibrated
         with watch.step("optimise"):
-            optimum = optimise_on_lattice(diagnosis.calibrated.vouched(), LOADS_W)
+            optimum = _optimum(diagnosis.calibrated.vouched(), workers)
         say("measuring the optimum over load")
         with watch.step("campaign"):
             verification = _campaign(_optimum_campaign(optimum, plan.seed), bench, store, clock, progress)
@@ -163,7 +141,7 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         say("verdict stored; now looking at what was hidden")
         hidden = plant.laboratory.hidden
         with watch.step("judge"):
-            error = judged(models, plant.laboratory, plan.seed)
+            error = judged(models, plant.laboratory, drawing.result())
         verified = measurement_table(store, verification)
     watch.seconds["total"] = time.perf_counter() - started
     return DemoResult(
@@ -233,31 +211,21 @@ def _train(simulation: Table, measured: Table, seed: int) -> dict[str, Efficienc
     }
 
 
-def _search(model: EfficiencyModel, seed: int) -> tuple[OptimumTable, ...]:
+def _search(model: EfficiencyModel, mask: FeasibleMap, seed: int) -> tuple[OptimumTable, ...]:
     """The swarm's optimum of a model made of trees: with restarts and a polish, and at the paper's budget."""
-    baseline = Model.baseline()
-    c = baseline.converter
-    mask = FeasibleMap.build(
-        feasible_of(baseline), LOADS_W, edge_gap=float(np.max(c.dead_time_s)) / c.half_period_s
-    )
     return tuple(
         optimise(model, LOADS_W, mask, seed=seed, optimiser=o) for o in (PSO_SAVL_POLISHED, PSO_SAVL)
     )
 
 
-def unseen_points(seed: int) -> Points:
-    """Set points that were not measured, feasible for the baseline, with some power to spare."""
-    rng = np.random.default_rng([seed, 4])
-    size = int(_UNSEEN / _FEASIBLE_SHARE)
-    drawn = Points(
-        D1=rng.uniform(0.3, 1.0, size), D2=rng.uniform(0.0, 0.6, size), power_W=rng.uniform(200, 2000, size)
-    )
-    return drawn.take(np.flatnonzero(simulate(Model.baseline(), drawn).feasible)[:_UNSEEN])
+def _optimum(model: EfficiencyModel, workers: ProcessPoolExecutor) -> OptimumTable:
+    """The optimum of the simulator as a model, every other load in the second process."""
+    others = workers.submit(optimise_on_lattice, model, LOADS_W[1::2])
+    return optimise_on_lattice(model, LOADS_W[::2]).with_loads_of(others.result())
 
 
-def judged(models: Mapping[str, EfficiencyModel], lab: Laboratory, seed: int) -> dict[str, float | None]:
+def judged(models: Mapping[str, EfficiencyModel], lab: Laboratory, p: Points) -> dict[str, float | None]:
     """Mean absolute error of each model against the lab's noise-free reading at unseen points."""
-    p = unseen_points(seed)
     D1, D2, power = (np.asarray(x) for x in (p.D1, p.D2, p.power_W))
     truth = noise_free_efficiency(lab, D1, D2, power)
     predicted = {name: np.asarray(model.predict(D1, D2, power)) for name, model in models.items()}

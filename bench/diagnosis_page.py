@@ -11,7 +11,8 @@ from plotly.offline import get_plotlyjs
 
 from bench import charts, diagnosis_charts
 from bench.report import diagnosis_actions, environment
-from bench.wording import counted, effect_name, points_text, verdict_text
+from bench.wording import counted, effect_name, points_text, size_text, unit_of, verdict_text
+from sim.effects.catalogue import effect
 
 _KURTOSIS, _AUTOCORRELATION = 1.5, 0.3  # above which the noise is said to have tails, or a memory
 
@@ -73,7 +74,11 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     """(channel, one sigma, where from, what is unusual)."""
     rows = []
     for channel, n in diagnosis["noise"].items():
-        sigma = f"{100 * n['sigma']:.3g} % of reading" if n["relative"] else f"{n['sigma']:.3g}"
+        sigma = (
+            f"{100 * n['sigma']:.3g} % of reading"
+            if n["relative"]
+            else f"{n['sigma']:.3g} {_deviation(channel)}".strip()
+        )
         count = int(n["from_replicates"])
         source = f"{counted(count, 'difference')} of replicates" if count else "assumed: no replicates"
         said = []
@@ -88,13 +93,23 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 def unseen(diagnosis: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Effects that these set points and channels cannot see at an ordinary size, and what would be seen of each."""
     return [
-        (
-            effect_name(s["effect"]),
-            "nothing" if s["smallest"] is None else f"from {s['smallest']:.3g} {s['unit']}",
-        )
+        (effect_name(s["effect"]), _seen_from(s["effect"], s["smallest"]))
         for s in diagnosis["sight"]
         if not s["visible"]
     ]
+
+
+def _seen_from(name: str, smallest: float | None) -> str:
+    """The smallest size of an effect that would be seen, where it can be so large."""
+    head = effect(name).headline
+    if smallest is None or max(head.upper - head.off, head.off - head.lower) < smallest:
+        return "at no size"
+    return f"from {size_text(head.name, smallest)}"
+
+
+def _deviation(channel: str) -> str:
+    """The unit of a difference in a channel; empty for a dimensionless one."""
+    return unit_of(channel).replace("°C", "K")
 
 
 def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:

@@ -20,7 +20,7 @@ def parse_hidden(options: Sequence[str], *, foreign: bool = False) -> dict[str, 
     for option in options:
         name, _, text = option.partition("=")
         try:
-            value = float(text) if text else None
+            value = _number(text) if text else None
             if name not in families:
                 _check(name, value)
             elif value is not None and not 0 <= value < float("inf"):
@@ -31,6 +31,13 @@ def parse_hidden(options: Sequence[str], *, foreign: bool = False) -> dict[str, 
     if problems:
         raise InputError(problems)
     return hidden
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not a number; allowed is EFFECT or EFFECT=VALUE") from None
 
 
 def _check(name: str, value: float | None) -> None:

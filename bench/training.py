@@ -8,6 +8,7 @@ takes the rows without load as well.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -68,7 +69,11 @@ def efficiency_of(model: Model) -> Callable[[Floats, Floats, Floats], Floats]:
 
 def feasible_of(model: Model) -> Callable[[Floats, Floats, Floats], Bools]:
     """The simulator as a mask for ``models``: whether points (N,) carry their power."""
-    return lambda D1, D2, power_W: can_run(model, Points(D1=D1, D2=D2, power_W=power_W))
+    return partial(_carries, model)
+
+
+def _carries(model: Model, D1: Floats, D2: Floats, power_W: Floats) -> Bools:
+    return can_run(model, Points(D1=D1, D2=D2, power_W=power_W))
 
 
 def simulated_table(model: Model, shape: tuple[int, int, int] = (25, 25, 20)) -> pd.DataFrame:

@@ -38,6 +38,15 @@ def effect_name(name: str) -> str:
     return name.replace("_", " ")
 
 
+def action_text(action: str) -> str:
+    """What is to be measured, as words; a sentence keeps the names of columns that it holds.
+
+    >>> action_text("no_load"), action_text("measure T_transformer_C too")
+    ('no load', 'measure T_transformer_C too')
+    """
+    return action if " " in action else effect_name(action)
+
+
 def points_text(fraction: float | None, digits: int = 3) -> str:
     """An efficiency difference as points: 0.0121 is 1.210 points.
 
@@ -97,19 +106,24 @@ def parameter_text(parameter: Mapping[str, Any]) -> str:
     'relative error +40 % (95 %: +35 to +45)'
     """
     name, value = str(parameter["name"]), float(parameter["value"])
-    unit = unit_of(name)
     label = next((name.removesuffix("_" + end) for end in _UNITS if name.endswith("_" + end)), name)
     bounds = [float(x) for x in parameter.get("ci95") or ()]
-    if not unit:
-        scale, sign, unit = (100.0, "+", " %") if name.startswith(("relative", "extra")) else (1.0, "", "")
-    else:
-        scale, prefix = _prefix(value if value else max(map(abs, bounds), default=0.0), unit)
-        sign, unit = "", f" {prefix}{unit}"
+    scale, sign, unit = _scaled(name, value if value else max(map(abs, bounds), default=0.0))
     said = f"{label.replace('_', ' ')} {value * scale:{sign}.3g}{unit}"
     if len(bounds) != 2:
         return said
     low, high = (f"{bound * scale:{sign}.3g}" for bound in bounds)
     return f"{said} (95 %: {low} to {high})"
+
+
+def size_text(name: str, value: float) -> str:
+    """How large a parameter of an effect is, without its name.
+
+    >>> size_text("resistance_Ohm", 0.0899), size_text("relative_error", 0.312)
+    ('89.9 mΩ', '31.2 %')
+    """
+    scale, _, unit = _scaled(name, value)
+    return f"{value * scale:.3g}{unit}"
 
 
 def counted(count: int, thing: str) -> str:
@@ -155,6 +169,15 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     if verdict == "unknown" and sure:
         return f"More is wrong than {join([effect_name(name) for name in sure])} explains, and no known cause is it"
     return VERDICTS.get(verdict, verdict)
+
+
+def _scaled(name: str, value: float) -> tuple[float, str, str]:
+    """Factor, sign and unit that a parameter of that name and size is said with."""
+    unit = unit_of(name)
+    if not unit:
+        return (100.0, "+", " %") if name.startswith(("relative", "extra")) else (1.0, "", "")
+    scale, prefix = _prefix(value, unit)
+    return scale, "", f" {prefix}{unit}"
 
 
 def _prefix(value: float, unit: str) -> tuple[float, str]:

@@ -19,6 +19,7 @@ import drivers
 import experiments
 import models
 import sim
+from bench.commands.options import check_folder
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.wording import duration
@@ -69,6 +70,7 @@ def experiment(
     if name == "list":
         _list()
         return
+    check_folder(out_folder, "--out")
     settings = Settings(
         out=out_folder,
         scale=_scale(quick, scale),

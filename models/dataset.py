@@ -69,8 +69,8 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
     kept[[row.row - 1 for row in rejected]] = False
     if not kept.any():
         first = rejected[0] if rejected else None
-        why = f"; row {first.row}, {first.column} = {first.value}: {first.reason}" if first else ""
-        raise DatasetError(f"{name}: none of {len(frame)} rows can be used{why}")
+        why = f"none of {len(frame)} rows can be used; {first}" if first else "has a header and no rows"
+        raise DatasetError(f"{name}: {why}")
     return Measurements(
         frame=complete(frame[kept].reset_index(drop=True)),
         rejected=rejected,
@@ -121,10 +121,13 @@ def _check_columns(raw: pd.DataFrame, name: str) -> None:
         missing.append("P1_W")
     if not missing:
         return
+    foreign = [column for column in there if column not in KNOWN_COLUMNS]
     said = []
     for column in missing:
-        near = difflib.get_close_matches(column, there, n=1, cutoff=0.5)
+        near = difflib.get_close_matches(column, foreign, n=1, cutoff=0.5)
         wanted = "P1_W or efficiency" if column == "P1_W" else column
         said.append(f"required column {wanted} is missing" + (f" (is {near[0]!r} meant?)" if near else ""))
-    required = "required are D1, D2, P2_W and P1_W or efficiency"
-    raise DatasetError(f"{name}: {'; '.join(said)}; {required}; there are: {', '.join(there) or 'none'}")
+    required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there) or 'none'}"
+    if foreign:
+        required += "; other names and units are taken by d2ea import --column OURS=THEIRS*FACTOR"
+    raise DatasetError(f"{name}: {'; '.join(said)}; {required}")

@@ -1,7 +1,7 @@
 """The best modulation over load: D1 and D2 of highest predicted efficiency, with the search's regret."""
 
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -37,6 +37,16 @@ class OptimumTable:
         """The largest regret over the loads; NaN when it is known for none."""
         known = self.regret[np.isfinite(self.regret)]
         return float(known.max()) if len(known) else float("nan")
+
+    def with_loads_of(self, other: Self) -> Self:
+        """One table of the loads of two that were searched alike, in the order of power."""
+        order = np.argsort(np.concatenate([self.power_W, other.power_W]))
+
+        def both(name: str) -> Any:
+            return np.concatenate([getattr(self, name), getattr(other, name)])[order]
+
+        names = ("power_W", "D1", "D2", "predicted", "regret", "confirmed")
+        return replace(self, **{name: both(name) for name in names})
 
     def frame(self) -> pd.DataFrame:
         """One row per load."""

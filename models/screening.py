@@ -37,6 +37,9 @@ class RejectedRow:
     value: str
     reason: str
 
+    def __str__(self) -> str:
+        return f"row {self.row}, {self.column} = {self.value}: {self.reason}"
+
 
 @dataclass(frozen=True, slots=True)
 class Check:
@@ -141,7 +144,7 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
     for check in CHECKS:
         reject(frame["kind"].isin(check.kinds) & check.impossible(frame), check.column, check.reason)
     text = raw.astype(str)  # whatever stands in unknown columns can be compared as text
-    reject(text.duplicated(keep="first"), "P1_W", "repeats an earlier row in every column")
+    reject(text.duplicated(keep="first"), str(raw.columns[0]), "repeats an earlier row in every column")
     return tuple(rejected[row] for row in sorted(rejected))
 
 

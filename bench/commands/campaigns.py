@@ -18,8 +18,11 @@ from bench.states import STOPPED, State
 from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_url
 from bench.store.tables import CHOICE, CHOSEN
 from bench.table_file import file_hash, write_table
+from bench.wording import counted
 from models.dataset import DatasetError, load_measurements
 from models.other_names import OtherName, OtherNameError
+
+_REJECTED_SHOWN = 20  # rows that are left out, each in a line of its own
 
 app = typer.Typer()
 
@@ -190,6 +193,8 @@ def read_measurements(file: Path, names: Sequence[OtherName] = ()) -> pd.DataFra
         raise InputError.of(file, "measurement table", None, str(error).removeprefix(f"{file}: ")) from error
     for note in measured.notes:
         err.print(escape(f"{file}: {note}"))
-    for row in measured.rejected:
-        err.print(escape(f"{file}: row {row.row}, {row.column} = {row.value}: {row.reason}"))
+    for row in measured.rejected[:_REJECTED_SHOWN]:
+        err.print(escape(f"{file}: {row}"))
+    if (more := len(measured.rejected) - _REJECTED_SHOWN) > 0:
+        err.print(escape(f"{file}: and {counted(more, 'row')} more left out"))
     return measured.frame

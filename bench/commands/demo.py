@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench.commands.live import live
+from bench.commands.options import check_folder
 from bench.commands.streams import err, out, stamp
 from bench.hidden import parse_hidden
 from bench.toml_file import write_atomically
@@ -39,6 +40,7 @@ def demo(
     """Run the main loop on the mock bench: measure, simulate, learn, optimise, diagnose, report."""
     from bench.demo import DemoPlan, run_demo, summary_of  # here: only this verb loads the mocks
 
+    check_folder(out_dir, "--out")
     hidden = parse_hidden(hide) if hide else drawn_effect(seed)
     stamp(virtual=True)
     plan = DemoPlan(out=out_dir, points=points, seed=seed, hidden=hidden)

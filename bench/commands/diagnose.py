@@ -1,6 +1,7 @@
 """The verb diagnose: what the simulation gets wrong, why, how sure, what to do."""
 
 import json
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench.commands.campaigns import read_measurements
-from bench.commands.options import Database
+from bench.commands.options import Database, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
@@ -21,6 +22,8 @@ from bench.store import Store, database_url
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
 from bench.wording import counted, effect_name, parameter_text, verdict_text
+from sim.effects.catalogue import effect
+from sim.parameters import ParameterError
 
 app = typer.Typer()
 
@@ -46,18 +49,28 @@ def diagnose(
     db: Database = None,
 ) -> None:
     """Name what the simulation gets wrong, with evidence; extend the model; measure the gain."""
-    from models.diagnosis.diagnose import diagnose as find_cause  # here: scipy and the simulator load slowly
+    from models.diagnosis.diagnose import TooFewPoints  # here: scipy and the simulator load slowly
+    from models.diagnosis.diagnose import diagnose as find_cause
 
+    check_folder(out_dir, "--out")
+    if json_file is not None:
+        check_folder(json_file.parent, "--json")
+    left_out = known_effects(without or ())
     frame, campaign_id, virtual = measured(data, db)
     stamp(virtual)
-    found = find_cause(
-        frame,
-        model_from(model),
-        without=without or (),
-        progress=lambda said: err.print(escape(said)),
-        processes=processes,
-    )
-    out_dir.mkdir(parents=True, exist_ok=True)
+    try:
+        found = find_cause(
+            frame,
+            model_from(model),
+            without=left_out,
+            progress=lambda said: err.print(escape(said)),
+            processes=processes,
+        )
+    except TooFewPoints as error:
+        where = f"campaign {data}" if data.isdigit() else data
+        raise InputError.of(
+            where, "rows", None, f"{error}; measure more set points of D1, D2 and power"
+        ) from error
     write_model(out_dir / "model.toml", found.extended)
     plain = found.as_plain(str(out_dir / "model.toml"))
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
@@ -78,6 +91,14 @@ def diagnose(
             store.add_diagnosis(plain, campaign_id=campaign_id)
     tell(plain)
     out.print(escape(f"written to {out_dir}: diagnosis.html, diagnosis.json, model.toml, residuals.csv"))
+
+
+def known_effects(names: Sequence[str]) -> list[str]:
+    """Effects of the catalogue; InputError for a name that is none."""
+    try:
+        return [effect(name).name for name in names]
+    except ParameterError as error:
+        raise InputError.of("command line", "--without", None, str(error)) from error
 
 
 def measured(data: str, db: str | None) -> Any:

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench.commands.campaigns import read_measurements
-from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
+from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.prediction import model_from
@@ -45,6 +45,7 @@ def train_(
     db: Database = None,
 ) -> None:
     """Train every kind of efficiency model, say the error on set points not fitted, and keep the models."""
+    check_folder(folder, "--models")
     measured = training_data(data, db)
     simulator = model_from(sim_model)
     simulated = simulated_table(simulator)

@@ -13,7 +13,7 @@ from rich.table import Table
 from bench.campaign import run_campaign
 from bench.commands.bench import stop_on_signals
 from bench.commands.live import live
-from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
+from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.config import read_bench
 from bench.errors import BenchError, InputError
@@ -59,6 +59,7 @@ def optimise(
 ) -> None:
     """Find D1 and D2 of the highest predicted efficiency over load, as a table that firmware can interpolate."""
     check_lut_ending(out_file)
+    check_folder(out_file.parent, "--out")
     search = BestModulation(simulator=model_from(sim_model), loads_W=parse_powers(powers))
     record = chosen(Registry(folder), model_id)
     model = vouched(Registry(folder).load(record.id, efficiency_of(search.simulator)))
@@ -106,7 +107,7 @@ def parse_powers(text: str) -> list[float]:
         if not (0 < low <= high < np.inf and step > 0):
             raise ValueError
     except ValueError:
-        allowed = "LOW:HIGH:STEP in W, above 0, such as 200:2000:100"
+        allowed = "LOW:HIGH:STEP in W, LOW and STEP above 0, HIGH not below LOW, such as 200:2000:100"
         raise InputError.of("command line", "--powers", text, allowed) from None
     return [low + step * number for number in range(int((high - low) / step + 1e-9) + 1)]
 
@@ -147,6 +148,7 @@ def verify(
     """Let the controller follow a table, draw its loads and those between, and measure; the bench is off after."""
     if out_file is not None:
         check_ending(out_file)
+        check_folder(out_file.parent, "--out")
     table, config = read_lut(file), read_bench(bench_file)
     stamp(config.virtual)
     job = verification(table, config, name=f"verify {file.name}")

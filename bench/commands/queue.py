@@ -28,7 +28,7 @@ def add(
     bench_file: Annotated[Path, typer.Option("--bench", metavar="BENCH.toml", help="the instruments")],
     db: Database = None,
 ) -> None:
-    """Let a campaign wait for its [schedule]: start_at, every; without one, for its bench."""
+    """Let a campaign wait for its schedule (start_at, every); without one, for its bench."""
     bench, campaign = read_bench(bench_file), read_campaign(campaign_file)
     stamp(bench.virtual)
     schedule = campaign.schedule

@@ -10,6 +10,7 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bench.commands.options import check_folder
 from bench.commands.streams import err, out
 from bench.errors import InputError
 from bench.prediction import model_from
@@ -52,6 +53,7 @@ def simulate_(
     What was finished when it was stopped is kept beside --out, and the same command goes on from there.
     """
     check_ending(out_file)
+    check_folder(out_file.parent, "--out")
     if (points_file is None) == (grid_shape is None):
         raise InputError.of("command line", "POINTS.csv or --grid", None, "exactly one of the two is needed")
     if points_file is not None and vary:

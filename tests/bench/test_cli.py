@@ -63,6 +63,33 @@ def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> N
     assert "Usage" in capsys.readouterr().out
 
 
+def test_help_keeps_what_a_verb_says_of_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("queue", "add", "--help") == 0
+    assert "wait for its schedule (start_at, every)" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("diagnose", "theirs.csv", "--out"),
+        ("train", "theirs.csv", "--models"),
+        ("simulate", "--grid", "3x3x3", "--out"),
+        ("optimise", "--out"),
+        ("demo", "--out"),
+        ("experiment", "table_4_search", "--out"),
+    ],
+)
+def test_where_nothing_can_be_written_is_said_before_the_work(
+    command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured_table()
+    Path("file").write_text("no folder")
+    assert d2ea(*command, "file/results.csv") == 2
+    said = capsys.readouterr().err
+    assert "nothing can be written there (a file stands in the way)" in " ".join(said.split())
+    assert f"{command[-1]} = 'file" in said
+
+
 def test_an_unknown_verb_or_option_is_wrong_use() -> None:
     assert d2ea("measure") == 2
     assert d2ea("runs", "--fast") == 2
@@ -129,6 +156,15 @@ def test_a_table_without_a_required_column_is_refused(capsys: pytest.CaptureFixt
     Path("bad.csv").write_text("D1,P2_W,P1_W\n0.9,500,510\n")
     assert d2ea("import", "bad.csv") == 2
     assert "bad.csv: measurement table: required column D2 is missing" in capsys.readouterr().err
+
+
+def test_many_rows_left_out_do_not_flood_the_screen(capsys: pytest.CaptureFixture[str]) -> None:
+    table = pd.read_csv(measured_table())
+    pd.concat([table, table]).to_csv("twice.csv", index=False)
+    assert d2ea("import", "twice.csv") == 0
+    said = capsys.readouterr().err
+    assert said.count("repeats an earlier row") == 20
+    assert "and 40 rows more left out" in said
 
 
 def test_export_of_an_unknown_campaign_or_ending_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -219,6 +255,11 @@ def test_too_few_rows_to_calibrate_leave_the_other_kinds(
 def test_too_few_rows_to_train_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert d2ea("train", measured_table(rows=5)) == 2
     assert "at least 10 are needed" in capsys.readouterr().err
+
+
+def test_a_size_that_is_no_number_is_said_with_what_is_allowed() -> None:
+    with pytest.raises(InputError, match="'abc' is not a number; allowed is EFFECT or EFFECT=VALUE"):
+        parse_hidden(["link_resistance=abc"])
 
 
 def test_hidden_effects_are_checked_all_at_once() -> None:

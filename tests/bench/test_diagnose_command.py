@@ -61,12 +61,16 @@ def test_a_missing_column_is_wrong_use(tmp_path: Path, capsys: pytest.CaptureFix
 def test_too_few_rows_says_how_many_are_needed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "two.csv"
     path.write_text("D1,D2,P2_W,P1_W\n0.9,0.1,1000,1020\n0.9,0.05,600,612\n")
-    assert _run("diagnose", path, "--out", tmp_path / "d") == 1
-    assert "at least 12" in capsys.readouterr().err
+    assert _run("diagnose", path, "--out", tmp_path / "d") == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "two.csv: rows: 2 usable rows" in said
+    assert "at least 12; measure more set points" in said
 
 
 def test_an_unknown_effect_names_the_nearest(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert _run("diagnose", table, "--out", tmp_path / "d", "--without", "deadtime") == 1
-    assert "did you mean 'dead_time'" in capsys.readouterr().err
+    assert _run("diagnose", table, "--out", tmp_path / "d", "--without", "deadtime") == 2
+    said = capsys.readouterr().err
+    assert "command line: --without" in said
+    assert "did you mean 'dead_time'" in said

@@ -94,4 +94,14 @@ def test_a_channel_without_residuals_has_no_panel(page: DiagnosisPage) -> None:
 def test_tables_say_what_stands_behind_them() -> None:
     assert noise_rows(ANSWER) == [("efficiency", "0.02 % of reading", "assumed: no replicates", "–")]
     assert unseen(ANSWER) == [("fan step", "from 12 W")]
+    sight = [
+        {"effect": "link_resistance", "smallest": 0.0899, "unit": "Ohm", "visible": False, "tied_with": []},
+        {"effect": "core_loss_inductor", "smallest": 1.2, "unit": "1", "visible": False, "tied_with": []},
+        {"effect": "gate_delay_skew", "smallest": 0.36, "unit": "s", "visible": False, "tied_with": []},
+    ]
+    assert unseen({"sight": sight}) == [
+        ("link resistance", "from 89.9 mΩ"), ("core loss inductor", "from 120 %"), ("gate delay skew", "at no size"),
+    ]  # fmt: skip
+    warm = {"T_heatsink_C": ANSWER["noise"]["efficiency"] | {"sigma": 0.4, "relative": False}}
+    assert noise_rows({"noise": warm})[0][1] == "0.4 K"
     assert [what for what, _, _ in tiles(ANSWER)] == ["Points", "Gap", "Worst", "Gap left, held out"]

@@ -157,6 +157,10 @@ def test_actions_follow_the_verdict(data):
     tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": []}))
     assert tied == ["Check link resistance: measure the ac link with four wires."]
     assert "Nothing needs changing" in actions(replace(data, diagnosis=MINIMAL))[0]
+    agreed = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "consistent"}))
+    assert agreed[0].startswith("Nothing needs changing")
+    assert agreed[0].endswith("What follows would make that surer.")
+    assert len(agreed) == 3
 
 
 def test_words_from_outside_are_escaped(data, tmp_path):

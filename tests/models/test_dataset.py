@@ -66,6 +66,7 @@ def test_the_rejected_value_is_shown_as_it_stood():
 def test_a_row_that_repeats_another_is_rejected_and_a_replicate_is_not():
     result = load_measurements(table({}, {"P1_W": 612.1}, {}))
     assert [(r.row, r.reason) for r in result.rejected] == [(3, "repeats an earlier row in every column")]
+    assert str(result.rejected[0]).startswith("row 3, D1 = 0.8: repeats")
 
 
 def test_standby_rows_need_input_power_only():
@@ -89,6 +90,14 @@ def test_unknown_columns_are_kept_with_one_note():
     result = load_measurements(table({"operator": "Ada", "shift": 2}))
     assert result.frame["operator"][0] == "Ada"
     assert result.notes == ("unknown columns, kept and ignored: operator, shift",)
+
+
+def test_other_names_lead_to_import_and_our_own_are_no_guess():
+    with pytest.raises(DatasetError, match="d2ea import --column") as refused:
+        load_measurements(pd.DataFrame({"Tastgrad": [0.9], "P2_W": [500.0]}))
+    assert "is 'P2_W' meant" not in str(refused.value)
+    with pytest.raises(DatasetError, match="has a header and no rows"):
+        load_measurements(table({}).iloc[:0])
 
 
 def test_a_missing_column_names_file_column_and_nearest(tmp_path):
@@ -117,7 +126,7 @@ def test_csv_and_parquet_give_the_same_table(tmp_path):
     [
         ("D1,D2,P2_W,P1_W\n0,8,0,2,600,612\n", "line 2 has 6 values for 4 columns"),
         ("D1,D2,P2_W,P1_W,D1\n", "'D1' is there 2 times"),
-        ("D1,D2,P2_W,P1_W\n", "none of 0 rows"),
+        ("D1,D2,P2_W,P1_W\n", "has a header and no rows"),
         ("", "there are: none"),
         ("D1,D2,P2_W,efficiency\n0.8,0.2,600,98.0\n", "row 1, efficiency = 98.0: this looks like per cent"),
     ],

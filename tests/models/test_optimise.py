@@ -5,7 +5,7 @@ import pytest
 
 from models.exhaustive import NEAR, exact_optimum
 from models.feasibility import FeasibleMap
-from models.optimise import optimise, optimise_exactly
+from models.optimise import OptimumTable, optimise, optimise_exactly
 from models.pso import PSO_SAVL, PSO_SAVL_POLISHED
 from models.surrogate import train_d2ea, train_simulator_first
 
@@ -137,3 +137,13 @@ def test_a_callable_is_enough_and_a_map_of_other_loads_is_refused(converter, mas
     assert table.confirmed.all()
     with pytest.raises(ValueError, match="built for"):
         optimise(model, [600.0], mask, seed=1)
+
+
+def test_loads_searched_apart_make_one_table_in_the_order_of_power():
+    def optimum(*loads):
+        values = np.array(loads)
+        return OptimumTable(power_W=values, D1=values, D2=values, predicted=values, regret=values,
+                            confirmed=np.ones(len(loads), bool), optimiser="any", evaluations=1)  # fmt: skip
+
+    both = optimum(200.0, 400.0).with_loads_of(optimum(300.0, 500.0))
+    assert both.frame()["D2"].tolist() == [200.0, 300.0, 400.0, 500.0]

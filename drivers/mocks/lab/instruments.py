@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 
@@ -73,6 +72,8 @@ def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
 
 def _correlated(white: Array, correlation: float) -> Array:
     """A first-order autoregression of unit variance along the last axis."""
+    from scipy.signal import lfilter  # here: it loads slowly, and only trials ask for it
+
     fresh = np.sqrt(1 - correlation**2) * white
     fresh[..., 0] = white[..., 0]
     return np.asarray(lfilter([1.0], [1.0, -correlation], fresh, axis=-1))

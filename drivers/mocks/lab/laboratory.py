@@ -10,7 +10,6 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from drivers.mocks.lab.choke import Choke
 from drivers.mocks.lab.foreign.base import AcReading, Added, ForeignEffect, Moment
@@ -286,6 +285,7 @@ class Laboratory:
 
         ``end`` is where each row would settle; the first one starts from ambient.
         """
+        from scipy.signal import lfilter  # here: it loads slowly, and only trials ask for it
 
         def lag(final_C: Array, time_constant_s: float) -> Array:
             keep = np.exp(-interval_s / time_constant_s)

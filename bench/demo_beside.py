@@ -1,0 +1,60 @@
+"""What the demo's second process works out: the grid and all else that needs no measurement while the bench measures,
+then the diagnosis while the first process trains.
+
+It loads neither the virtual lab nor the instruments.
+"""
+
+import time
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from bench.training import feasible_of
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.feasibility import FeasibleMap
+from sim.model import Model
+from sim.simulate import Points, grid, simulate
+
+Table = pd.DataFrame
+
+LOADS_W = np.arange(200.0, 2001.0, 100.0)
+_UNSEEN = 300  # points on which every model is judged; none of them was measured
+_FEASIBLE_SHARE = 0.35  # of the box that they are drawn from, at the least
+
+
+def one_thread() -> None:
+    """Linear algebra in one thread: a team of them would wait for the campaign's core."""
+    threadpool_limits(1)
+
+
+def simulated_grid() -> tuple[Table, float]:
+    """The 12,500-point table of the baseline, and the seconds it took."""
+    started = time.perf_counter()
+    table = pd.DataFrame(simulate(Model.baseline(), grid()).columns())
+    return table, time.perf_counter() - started
+
+
+def carried_loads() -> FeasibleMap:
+    """Where in (D1, D2) the baseline carries each load."""
+    baseline = Model.baseline()
+    c = baseline.converter
+    gap = float(np.max(c.dead_time_s)) / c.half_period_s
+    return FeasibleMap.build(feasible_of(baseline), LOADS_W, edge_gap=gap)
+
+
+def unseen_points(seed: int) -> Points:
+    """Set points that were not measured, feasible for the baseline, with some power to spare."""
+    rng = np.random.default_rng([seed, 4])
+    size = int(_UNSEEN / _FEASIBLE_SHARE)
+    drawn = Points(
+        D1=rng.uniform(0.3, 1.0, size), D2=rng.uniform(0.0, 0.6, size), power_W=rng.uniform(200, 2000, size)
+    )
+    return drawn.take(np.flatnonzero(simulate(Model.baseline(), drawn).feasible)[:_UNSEEN])
+
+
+def diagnosed(frame: Table, seed: int) -> tuple[Diagnosis, float]:
+    """The diagnosis of a measurement table, and the seconds it took."""
+    started = time.perf_counter()
+    return diagnose(load_measurements(frame), seed=seed), time.perf_counter() - started
