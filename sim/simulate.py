@@ -159,19 +159,22 @@ def _all_solved(
     """Converters at their points, all in one call but for those that saturate, and a call in each process."""
     size = len(circuits[0][1])
 
-    def solved(part: NDArray[np.intp]) -> "dict[int, _Solution]":
-        found: dict[int, _Solution] = {}
+    def solved(part: NDArray[np.intp]) -> "list[tuple[list[int], _Solution]]":
+        found = []
         for some, converter, points in _stacked([circuits[k] for k in part]):
             chosen, unknown = part[some].tolist(), np.full((unknowns_of(converter), size), np.nan)
             ahead = [unknown if own is None else own for own in (starts[k] for k in chosen)]
             start = None if seed is None else replace(seed, ahead=np.concatenate(ahead, axis=1))
-            whole = _solve(converter, points, start)
-            found |= {k: whole.rows(slice(n * size, (n + 1) * size)) for n, k in enumerate(chosen)}
+            found.append((chosen, _solve(converter, points, start)))
         return found
 
     shared = processes if len(circuits) * size >= processes * _WORTH_A_FORK else 1
+    # shares come back whole: to pickle a few long columns takes a tenth of what many short ones do
     found = {
-        k: v for part in side_by_side(solved, shared_out(len(circuits), shared)) for k, v in part.items()
+        k: whole.rows(slice(n * size, (n + 1) * size))
+        for part in side_by_side(solved, shared_out(len(circuits), shared))
+        for chosen, whole in part
+        for n, k in enumerate(chosen)
     }
     return [found[k] for k in range(len(circuits))]
 

@@ -56,13 +56,12 @@ def smooth_covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> A
     )
 
 
-def covariance(observations: Observations, sigma: Array, known: Signatures) -> Covariance:
-    """The covariance (M, M) of readings with noise ``sigma`` (M,), with no effect and no leftover."""
+def noiseless_covariance(observations: Observations, known: Signatures) -> Covariance:
+    """The covariance (M, M) of readings without noise, with no effect and no leftover."""
     place = locations(observations)
-    noise2 = sigma**2 + known.input_sigma**2
     of_channels = tuple(np.flatnonzero(observations.channel == k) for k in range(len(observations.channels)))
     own = []
     for readings in of_channels:
         here = place[observations.row[readings]], known.inaccuracy[:, readings]
-        own.append(np.diag(noise2[readings]) + smooth_covariance(here, here))
+        own.append(smooth_covariance(here, here))
     return Covariance(rows=of_channels, own=tuple(own), common=known.spreads)

@@ -73,11 +73,11 @@ def _refitted(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bo
     return np.asarray(fit.shift + step @ slopes)
 
 
-def _leftover_on(readings: Readings, rows: NDArray[np.bool_]) -> Array:
-    """A leftover in these directions fitted on some readings, at all readings."""
+def _leftover_on(readings: Readings, whitener: Whitener, rows: NDArray[np.bool_]) -> Array:
+    """A leftover in these directions fitted on some readings, whose covariance is factored, at all readings."""
     leftover = readings.leftover
-    whitener = Whitener.of(readings.covariance.take(np.flatnonzero(rows)).beside(leftover[:, rows]))
-    return np.asarray(leftover.T @ (leftover[:, rows] @ whitener.solve(readings.residual[rows])))
+    solved = whitener.beside(leftover[:, rows]).solve(readings.residual[rows])
+    return np.asarray(leftover.T @ (leftover[:, rows] @ solved))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,5 +153,5 @@ def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit
         error["calibrated"][out] = left[out] - covariance.times(pulled)[out]
         if rival is not None:
             error["wrong"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
-        error["leftover"][out] = (residual - _leftover_on(readings, rows))[out]
+        error["leftover"][out] = (residual - _leftover_on(readings, whitener, rows))[out]
     return error

@@ -46,20 +46,19 @@ class Projection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Directions:
-    """Vectors (k, M) that are used again and again, with C^-1 of them and how they are seen."""
+    """Vectors (k, M) that are used again and again, with C^-1 of them and how they are seen.
+
+    They are meant ``factor`` times as long.
+    """
 
     vectors: Array
     solved: Array
     seen: Projection
+    factor: float = 1.0
 
     def scaled(self, factor: float) -> Self:
         """All of them, this many times as long."""
-        seen = Projection(
-            each_other=factor**2 * self.seen.each_other,
-            on_spreads=factor * self.seen.on_spreads,
-            on_basis=factor * self.seen.on_basis,
-        )
-        return replace(self, vectors=factor * self.vectors, solved=factor * self.solved, seen=seen)
+        return replace(self, factor=factor * self.factor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,13 +72,18 @@ class _Admitted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geometry:
-    """C factored, and the products under C of the spreads (K, M) and the leftovers' basis (Q, M)."""
+    """C factored, and the products under C of the spreads (K, M) and the leftovers' basis (Q, M).
+
+    Most of the basis is zero in most blocks of C: ``basis_by_blocks`` are a block's readings (m,), the columns (q,)
+    that are there, and these alone (q, m).
+    """
 
     whitener: Whitener
     leftovers: Leftovers
     spreads_solved: Array
     between_spreads: Array
     admitted: dict[tuple[str, float], _Admitted]
+    basis_by_blocks: tuple[tuple[Rows, Rows, Array], ...]
 
     @classmethod
     def of(cls, whitener: Whitener, spreads: Array, leftovers: Leftovers) -> Self:
@@ -92,6 +96,7 @@ class Geometry:
             spreads_solved=whitener.solve(spreads.T).T,
             between_spreads=inner[:size, :size],
             admitted={c.key: _admitted(c, inner, size) for c in leftovers.configurations},
+            basis_by_blocks=_by_blocks(leftovers.basis, whitener.rows),
         )
 
     def project(self, vectors: Array, beside: Sequence[Directions] = ()) -> Projection:
@@ -110,7 +115,7 @@ class Geometry:
         vectors = np.concatenate(list(groups))
         solved = self.whitener.solve(vectors.T)
         on_spreads = self.spreads_solved @ vectors.T
-        on_basis = self.leftovers.basis @ solved if basis else np.empty((0, len(vectors)))
+        on_basis = self._on_basis(solved) if basis else np.empty((0, len(vectors)))
         ends = np.cumsum([0, *map(len, groups)]).tolist()
         own = [
             Projection(
@@ -130,9 +135,24 @@ class Geometry:
         seen = Projection(
             each_other=vectors @ solved,
             on_spreads=self.spreads_solved @ vectors.T,
-            on_basis=self.leftovers.basis @ solved,
+            on_basis=self._on_basis(solved),
         )
         return Directions(vectors=vectors, solved=solved.T, seen=seen)
+
+    def between(self, directions: Sequence[Directions]) -> Projection:
+        """Products of directions with each other and the spreads."""
+        none = np.empty((0, 0))
+        nothing = Projection(
+            each_other=none, on_spreads=np.empty((len(self.spreads_solved), 0)), on_basis=none
+        )
+        return _joined(np.empty((0, self.spreads_solved.shape[1])), nothing, directions)
+
+    def _on_basis(self, solved: Array) -> Array:
+        """Products (Q, k) of the leftovers' basis with solved vectors (M, k)."""
+        products = np.zeros((len(self.leftovers.basis), solved.shape[1]))
+        for readings, columns, own in self.basis_by_blocks:
+            products[columns] += own @ solved[readings]
+        return products
 
     def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
         """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""
@@ -205,18 +225,29 @@ def _joined(vectors: Array, seen: Projection, beside: Sequence[Directions]) -> P
     if not beside:
         return seen
     parts, heads = [seen, *(d.seen for d in beside)], [vectors, *(d.vectors for d in beside)]
-    ends = np.cumsum([0, *map(len, heads)]).tolist()
+    ends, factors = np.cumsum([0, *map(len, heads)]).tolist(), [1.0, *(d.factor for d in beside)]
     each_other = np.zeros((ends[-1], ends[-1]))
     for j, (part, (a, b)) in enumerate(zip(parts, pairwise(ends), strict=True)):
         each_other[a:b, a:b] = part.each_other
         for i in range(j):
             each_other[ends[i] : ends[i + 1], a:b] = heads[i] @ beside[j - 1].solved.T
             each_other[a:b, ends[i] : ends[i + 1]] = each_other[ends[i] : ends[i + 1], a:b].T
+    factor = np.repeat(factors, np.diff(ends))
     return Projection(
-        each_other=each_other,
-        on_spreads=np.concatenate([p.on_spreads for p in parts], axis=1),
-        on_basis=np.concatenate([p.on_basis[: len(seen.on_basis)] for p in parts], axis=1),
+        each_other=each_other * np.outer(factor, factor),
+        on_spreads=np.concatenate([p.on_spreads for p in parts], axis=1) * factor,
+        on_basis=np.concatenate([p.on_basis[: len(seen.on_basis)] for p in parts], axis=1) * factor,
     )
+
+
+def _by_blocks(basis: Array, blocks: Sequence[Rows]) -> tuple[tuple[Rows, Rows, Array], ...]:
+    """Readings, columns and values of a basis (Q, M) in each block, without what is zero there."""
+    found = []
+    for readings in blocks:
+        part = basis[:, readings]
+        columns = np.flatnonzero(np.any(part, axis=1))
+        found.append((readings, columns, part[columns]))
+    return tuple(found)
 
 
 def _admitted(leftover: Leftover, inner: Array, size: int) -> _Admitted:

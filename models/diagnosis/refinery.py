@@ -58,7 +58,7 @@ class Refinery:
 
     def solved(self, fit: Fit, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""
-        law = [d.vectors for d in self.law(fit)]
+        law = [d.factor * d.vectors for d in self.law(fit)]
         vectors = np.concatenate([(self.residual - fit.shift)[None], *law])
         left, *beside = self.geometry.solve(vectors, fit.own(self.known), leftover)
         if not beside:
@@ -77,14 +77,14 @@ class Refinery:
 
     def spreads(self, fit: Fit) -> Array:
         """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
-        own = fit.own(self.known)
-        left = self.geometry.project((self.residual - fit.shift)[None], self.law(fit))
-        onto, between = left.on_spreads[:, 0], self.geometry.between_spreads
-        if len(left.each_other) > 1:
-            law = left.on_spreads[:, 1:]
-            inner = np.eye(law.shape[1]) + left.each_other[1:, 1:]
-            taken = np.linalg.solve(inner, np.column_stack([left.each_other[1:, 0], law.T]))
-            onto, between = onto - law @ taken[:, 0], between - law @ taken[:, 1:]
+        own, left, beside = fit.own(self.known), self.residual - fit.shift, self.law(fit)
+        onto, between = self.geometry.spreads_solved @ left, self.geometry.between_spreads
+        if beside:
+            law = self.geometry.between(beside)
+            on_law = np.concatenate([d.factor * (d.solved @ left) for d in beside])
+            inner = np.eye(on_law.size) + law.each_other
+            taken = np.linalg.solve(inner, np.column_stack([on_law, law.on_spreads.T]))
+            onto, between = onto - law.on_spreads @ taken[:, 0], between - law.on_spreads @ taken[:, 1:]
         if own.size:
             inner = np.eye(own.size) - between[np.ix_(own, own)]
             onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from models.diagnosis.covariance import covariance
+from models.diagnosis.covariance import noiseless_covariance
 from models.diagnosis.evidence import on_tangents, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.law import Laws, law_columns
@@ -53,7 +53,8 @@ def set_up(
     observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
 ) -> Setting:
     """The setting with the noise of replicates, corrected by what the best tangent leaves."""
-    bench = _Bench(observations, baseline, known, noise, leftovers(observations, known.per_watt))
+    rivals, noiseless = leftovers(observations, known.per_watt), noiseless_covariance(observations, known)
+    bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
     first = sigma_of(observations, noise)
     best = bench.settled(first)
     if (steadier := _steadier(observations, noise, first)) is not None:
@@ -99,10 +100,11 @@ class _Bench:
     known: Signatures
     noise: list[ChannelNoise]
     rivals: Leftovers
+    noiseless: Covariance
 
     def setting(self, sigma: Array, doubt: Array) -> Setting:
         """The setting with this noise (M,) and this doubt (M,) about what explains the readings."""
-        parts = covariance(self.observations, np.hypot(sigma, doubt), self.known)
+        parts = self.noiseless.noisier(sigma**2 + doubt**2 + self.known.input_sigma**2)
         geometry = Geometry.of(Whitener.of(parts), self.known.spreads, self.rivals)
         refinery = Refinery(
             known=self.known, observations=self.observations, baseline=self.baseline, geometry=geometry

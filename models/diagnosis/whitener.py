@@ -16,6 +16,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dtrtri
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -46,9 +47,10 @@ class Covariance:
             common=self.common[:, chosen],
         )
 
-    def beside(self, directions: Array) -> Self:
-        """The covariance with more directions (k, M) added to it."""
-        return replace(self, common=np.concatenate([self.common, directions]))
+    def noisier(self, variance: Array) -> Self:
+        """The covariance with independent noise of such variances (M,) on top."""
+        own = tuple(block + np.diag(variance[rows]) for rows, block in zip(self.rows, self.own, strict=True))
+        return replace(self, own=own)
 
     def times(self, vector: Array) -> Array:
         """C times a vector (M,)."""
@@ -62,11 +64,13 @@ class Covariance:
 class Whitener:
     """A factored covariance: solves, and its log-determinant.
 
-    ``inverse_roots`` are L^-1 of each block, ``seen`` (K, M) is W^T, ``root`` (K, K) the root of I + W^T W.
+    ``inverse_roots`` are L^-1 of each block, and ``of_blocks`` is ln det B; ``seen`` (K, M) is W^T, ``root`` (K, K)
+    the root of I + W^T W.
     """
 
     rows: tuple[Rows, ...]
     inverse_roots: tuple[Array, ...]
+    of_blocks: float
     seen: Array
     root: Array
     log_determinant: float
@@ -76,18 +80,25 @@ class Whitener:
         """Factor a covariance, or a plain matrix (M, M)."""
         parts = covariance if isinstance(covariance, Covariance) else Covariance.whole(covariance)
         roots = [cholesky(own, lower=True, check_finite=False) for own in parts.own]
-        inverse = tuple(
-            solve_triangular(root, np.eye(len(root)), lower=True, check_finite=False) for root in roots
+        blocks = cls(
+            rows=parts.rows,
+            inverse_roots=tuple(np.asarray(dtrtri(root, lower=1)[0]) for root in roots),
+            of_blocks=2 * float(sum(np.sum(np.log(np.diag(root))) for root in roots)),
+            seen=np.empty((0, parts.common.shape[1])),
+            root=np.empty((0, 0)),
+            log_determinant=0.0,
         )
-        seen = np.empty_like(parts.common)
-        for rows, root in zip(parts.rows, inverse, strict=True):
-            seen[:, rows] = parts.common[:, rows] @ root.T
-        inner = cholesky(np.eye(len(seen)) + seen @ seen.T, lower=True, check_finite=False)
-        diagonals = np.concatenate([np.diag(root) for root in (*roots, inner)])
-        return cls(
-            rows=parts.rows, inverse_roots=inverse, seen=seen, root=inner,
-            log_determinant=2 * float(np.sum(np.log(diagonals))),
-        )  # fmt: skip
+        return blocks.beside(parts.common)
+
+    def beside(self, directions: Array) -> "Whitener":
+        """The same with more directions (k, M) in common; blocks are not factored again."""
+        more = np.empty_like(directions)
+        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
+            more[:, rows] = directions[:, rows] @ root.T
+        seen = np.concatenate([self.seen, more])
+        root = cholesky(np.eye(len(seen)) + seen @ seen.T, lower=True, check_finite=False)
+        log_determinant = self.of_blocks + 2 * float(np.sum(np.log(np.diag(root))))
+        return replace(self, seen=seen, root=root, log_determinant=log_determinant)
 
     def solve(self, right: Array) -> Array:
         """C^-1 right, (M,) or (M, k)."""

@@ -57,5 +57,14 @@ def test_some_readings_keep_their_covariance() -> None:
 
 def test_directions_beside_add_their_square() -> None:
     more = RNG.standard_normal((2, READINGS))
-    expected = written_out(PARTS) + more.T @ more
-    np.testing.assert_allclose(written_out(PARTS.beside(more)), expected, rtol=1e-12, atol=1e-12)
+    whole = written_out(PARTS) + more.T @ more
+    wider = Whitener.of(PARTS).beside(more)
+    np.testing.assert_allclose(wider.solve(RIGHT), np.linalg.solve(whole, RIGHT), rtol=1e-9)  # as above
+    assert wider.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1], rel=1e-12)
+
+
+def test_noise_is_on_the_diagonal() -> None:
+    variance = RNG.uniform(1.0, 2.0, READINGS)
+    np.testing.assert_allclose(
+        written_out(PARTS.noisier(variance)), written_out(PARTS) + np.diag(variance), rtol=1e-12
+    )
