@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from models.diagnosis.leftover import Leftover, Leftovers
-from models.diagnosis.whitener import Whitener
+from models.diagnosis.whitener import Block, Whitener
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -83,7 +83,7 @@ class Geometry:
     spreads_solved: Array
     between_spreads: Array
     admitted: dict[tuple[str, float], _Admitted]
-    basis_by_blocks: tuple[tuple[Rows, Rows, Array], ...]
+    basis_by_blocks: tuple[tuple[Block, Rows, Array], ...]
 
     @classmethod
     def of(cls, whitener: Whitener, spreads: Array, leftovers: Leftovers) -> Self:
@@ -96,7 +96,7 @@ class Geometry:
             spreads_solved=whitener.solve(spreads.T).T,
             between_spreads=inner[:size, :size],
             admitted={c.key: _admitted(c, inner, size) for c in leftovers.configurations},
-            basis_by_blocks=_by_blocks(leftovers.basis, whitener.rows),
+            basis_by_blocks=_by_blocks(leftovers.basis, whitener.blocks),
         )
 
     def project(self, vectors: Array, beside: Sequence[Directions] = ()) -> Projection:
@@ -240,7 +240,7 @@ def _joined(vectors: Array, seen: Projection, beside: Sequence[Directions]) -> P
     )
 
 
-def _by_blocks(basis: Array, blocks: Sequence[Rows]) -> tuple[tuple[Rows, Rows, Array], ...]:
+def _by_blocks(basis: Array, blocks: Sequence[Block]) -> tuple[tuple[Block, Rows, Array], ...]:
     """Readings, columns and values of a basis (Q, M) in each block, without what is zero there."""
     found = []
     for readings in blocks:

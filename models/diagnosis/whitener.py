@@ -2,12 +2,12 @@ r"""A covariance by its parts, and its inverse by them.
 
 Blocks of readings (a channel each) have nothing in common but a few directions J (K, M):
 
-.. math:: C = B + J^T J, \qquad B = L L^T \text{ block by block}, \qquad W = L^{-1} J^T
+.. math:: C = B + J^T J, \qquad B \text{ block by block}
 
-so that, with Woodbury's identity, blocks alone are factored, and all channels cost no more than the sum of each:
+so that, with Woodbury's identity, blocks alone are inverted, and all channels cost no more than the sum of each:
 
-.. math:: C^{-1} = L^{-T} (I - W (I + W^T W)^{-1} W^T) L^{-1}, \quad
-          \ln\det C = \ln\det B + \ln\det (I + W^T W) .
+.. math:: C^{-1} = B^{-1} - B^{-1} J^T (I + J B^{-1} J^T)^{-1} J B^{-1}, \quad
+          \ln\det C = \ln\det B + \ln\det (I + J B^{-1} J^T) .
 """
 
 from dataclasses import dataclass, replace
@@ -20,6 +20,7 @@ from scipy.linalg.lapack import dtrtri
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
+Block = Rows | slice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,14 +65,15 @@ class Covariance:
 class Whitener:
     """A factored covariance: solves, and its log-determinant.
 
-    ``inverse_roots`` are L^-1 of each block, and ``of_blocks`` is ln det B; ``seen`` (K, M) is W^T, ``root`` (K, K)
-    the root of I + W^T W.
+    ``inverses`` are those of each block, and ``of_blocks`` is ln det B; ``common`` (K, M) are J, ``pulled`` (K, M)
+    J B^-1, ``root`` (K, K) the root of I + J B^-1 J^T.
     """
 
-    rows: tuple[Rows, ...]
-    inverse_roots: tuple[Array, ...]
+    blocks: tuple[Block, ...]
+    inverses: tuple[Array, ...]
     of_blocks: float
-    seen: Array
+    common: Array
+    pulled: Array
     root: Array
     log_determinant: float
 
@@ -80,11 +82,13 @@ class Whitener:
         """Factor a covariance, or a plain matrix (M, M)."""
         parts = covariance if isinstance(covariance, Covariance) else Covariance.whole(covariance)
         roots = [cholesky(own, lower=True, check_finite=False) for own in parts.own]
+        none = np.empty((0, parts.common.shape[1]))
         blocks = cls(
-            rows=parts.rows,
-            inverse_roots=tuple(np.asarray(dtrtri(root, lower=1)[0]) for root in roots),
+            blocks=tuple(map(_stretch, parts.rows)),
+            inverses=tuple(map(_inverse, roots)),
             of_blocks=2 * float(sum(np.sum(np.log(np.diag(root))) for root in roots)),
-            seen=np.empty((0, parts.common.shape[1])),
+            common=none,
+            pulled=none,
             root=np.empty((0, 0)),
             log_determinant=0.0,
         )
@@ -93,36 +97,48 @@ class Whitener:
     def beside(self, directions: Array) -> "Whitener":
         """The same with more directions (k, M) in common; blocks are not factored again."""
         more = np.empty_like(directions)
-        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
-            more[:, rows] = directions[:, rows] @ root.T
-        seen = np.concatenate([self.seen, more])
-        root = cholesky(np.eye(len(seen)) + seen @ seen.T, lower=True, check_finite=False)
+        for block, inverse in zip(self.blocks, self.inverses, strict=True):
+            more[:, block] = directions[:, block] @ inverse
+        common, pulled = np.concatenate([self.common, directions]), np.concatenate([self.pulled, more])
+        root = cholesky(np.eye(len(common)) + common @ pulled.T, lower=True, check_finite=False)
         log_determinant = self.of_blocks + 2 * float(np.sum(np.log(np.diag(root))))
-        return replace(self, seen=seen, root=root, log_determinant=log_determinant)
+        return replace(self, common=common, pulled=pulled, root=root, log_determinant=log_determinant)
 
     def solve(self, right: Array) -> Array:
         """C^-1 right, (M,) or (M, k)."""
-        white = np.empty_like(right)
-        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
-            white[rows] = root @ right[rows]
+        solved = np.empty_like(right)
+        for block, inverse in zip(self.blocks, self.inverses, strict=True):
+            solved[block] = inverse @ right[block]
         if len(self.root):
-            onto = solve_triangular(self.root, self.seen @ white, lower=True, check_finite=False)
+            onto = solve_triangular(self.root, self.pulled @ right, lower=True, check_finite=False)
             onto = solve_triangular(self.root, onto, lower=True, trans=1, check_finite=False)
-            white -= self.seen.T @ onto
-        solved = np.empty_like(white)
-        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
-            solved[rows] = root.T @ white[rows]
+            solved -= self.pulled.T @ onto
         return solved
 
     def inner(self, vectors: Array) -> Array:
         """V C^-1 V^T (k, k) of vectors (k, M), most of which are zero in most blocks."""
         products = np.zeros((len(vectors), len(vectors)))
         onto = np.zeros((len(self.root), len(vectors)))
-        for rows, root in zip(self.rows, self.inverse_roots, strict=True):
-            part = vectors[:, rows]
+        for block, inverse in zip(self.blocks, self.inverses, strict=True):
+            part = vectors[:, block]
             there = np.flatnonzero(np.any(part, axis=1))
-            white = part[there] @ root.T
-            products[np.ix_(there, there)] += white @ white.T
-            onto[:, there] += self.seen[:, rows] @ white.T
+            part = part[there]
+            products[np.ix_(there, there)] += part @ inverse @ part.T
+            onto[:, there] += self.pulled[:, block] @ part.T
         onto = solve_triangular(self.root, onto, lower=True, check_finite=False) if len(onto) else onto
         return np.asarray(products - onto.T @ onto)
+
+
+def _stretch(rows: Rows) -> Block:
+    """Rows that follow each other, as they do channel by channel, as a slice: nothing is copied for it."""
+    if rows.size and np.array_equal(rows, np.arange(rows[0], rows[0] + rows.size)):
+        return slice(int(rows[0]), int(rows[0]) + rows.size)
+    return rows
+
+
+def _inverse(root: Array) -> Array:
+    """The inverse of a matrix from its lower root."""
+    if not root.size:
+        return root
+    inverse_root = dtrtri(root, lower=1)[0]
+    return np.asarray(inverse_root.T @ inverse_root)
