@@ -3,14 +3,20 @@
 A process that is forked has all that this one has at once, so nothing is imported or handed over again; what comes back
 is pickled. Nothing is forked where threads run (a server, a dashboard): a lock that one of them holds would stay locked
 in the copy. Then, and for a single part, all is done here, one part after the other.
+
+A program that computes in parts again and again keeps its forks (:func:`kept`): after a fork both sides copy every page
+that they write to, each time anew. A fork that is kept knows nothing of what came later, so its parts are pickled too.
 """
 
 import multiprocessing
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,6 +24,55 @@ from numpy.typing import NDArray
 
 P = TypeVar("P")
 R = TypeVar("R")
+
+_ENDED = "a process that computed a part of this ended before its result came"
+
+
+@dataclass(frozen=True, slots=True)
+class _Fork:
+    """A process and this end of the pipe to it."""
+
+    process: BaseProcess
+    pipe: Connection
+
+    @classmethod
+    def of(cls, target: Callable[..., None], *arguments: Any) -> "_Fork":
+        """A fork that runs the target with its pipes, the one here and the one there, and the arguments."""
+        fork = multiprocessing.get_context("fork")
+        here, there = fork.Pipe()
+        process = fork.Process(target=target, args=(here, there, *arguments), daemon=True)
+        with warnings.catch_warnings():
+            # of threads that are not Python's: those of linear algebra stand a fork
+            warnings.simplefilter("ignore", DeprecationWarning)
+            process.start()
+        there.close()
+        return cls(process, here)
+
+    def ask(self, work: Callable[[P], Any], part: P) -> None:
+        """Have a part done, by a fork that serves."""
+        try:
+            self.pipe.send((work, part))
+        except BrokenPipeError:
+            raise ProcessEnded(_ENDED) from None
+
+    def result(self) -> Any:
+        """What comes back, or its error."""
+        try:
+            result, error = self.pipe.recv()
+        except (EOFError, ConnectionResetError):
+            raise ProcessEnded(_ENDED) from None
+        if error is not None:
+            raise error
+        return result
+
+    def end(self) -> None:
+        """Whatever it does."""
+        self.pipe.close()
+        self.process.terminate()
+        self.process.join()
+
+
+_kept: list[_Fork] = []
 
 
 class ProcessEnded(RuntimeError):
@@ -41,7 +96,8 @@ def shared_out(size: int, parts: int) -> list[NDArray[np.intp]]:
 def side_by_side(work: Callable[[P], R], parts: Sequence[P]) -> list[R]:
     """``work`` of every part, the first one here and each other one in a fork of this process.
 
-    An error of a part is raised here as it is; the other processes end with it.
+    Where forks are :func:`kept` they do it, and ``work`` is a function of a module. An error of a part is raised here
+    as it is; the other processes end with it.
 
     Raises
     ------
@@ -50,42 +106,71 @@ def side_by_side(work: Callable[[P], R], parts: Sequence[P]) -> list[R]:
     """
     if len(parts) < 2 or not can_fork():
         return [work(part) for part in parts]
-    fork = multiprocessing.get_context("fork")
-    started = []
-    for part in parts[1:]:
-        here, there = fork.Pipe(duplex=False)
-        process = fork.Process(target=_answer, args=(there, work, part), daemon=True)
-        with warnings.catch_warnings():
-            # of threads that are not Python's: those of linear algebra stand a fork
-            warnings.simplefilter("ignore", DeprecationWarning)
-            process.start()
-        there.close()
-        started.append((process, here))
+    if len(_kept) >= len(parts) - 1:
+        return _by_kept(work, parts)
+    started = list[_Fork]()
     try:
-        return [work(parts[0]), *(_result(here) for _, here in started)]
+        for part in parts[1:]:
+            started.append(_Fork.of(_answer, work, part))
+        return [work(parts[0]), *(fork.result() for fork in started)]
     finally:
-        for process, here in started:
-            here.close()
-            process.terminate()
-            process.join()
+        for fork in started:
+            fork.end()
 
 
-def _answer(there: Connection, work: Callable[[P], R], part: P) -> None:
+@contextmanager
+def kept(processes: int) -> Iterator[None]:
+    """Keep forks for all that is done side by side inside, so many processes with this one."""
+    if processes < 2 or _kept or not can_fork():
+        yield
+        return
+    try:
+        _kept.extend(_Fork.of(_serve) for _ in range(processes - 1))
+        yield
+    finally:
+        _end_kept()
+
+
+def _by_kept(work: Callable[[P], R], parts: Sequence[P]) -> list[R]:
+    helping = _kept[: len(parts) - 1]
+    try:
+        for fork, part in zip(helping, parts[1:], strict=True):
+            fork.ask(work, part)
+        return [work(parts[0]), *(fork.result() for fork in helping)]
+    except BaseException:  # what still comes back would be taken for an answer to the next question
+        _end_kept()
+        raise
+
+
+def _end_kept() -> None:
+    while _kept:
+        _kept.pop().end()
+
+
+def _answer(here: Connection, there: Connection, work: Callable[[P], R], part: P) -> None:
     """In the fork: send the result or the error, and end; an interrupt is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    here.close()
+    _send(there, work, part)
+    there.close()
+
+
+def _serve(here: Connection, there: Connection) -> None:
+    """In a fork that is kept: answer until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    here.close()
+    _kept.clear()
+    while True:
+        try:
+            work, part = there.recv()
+        except EOFError:
+            return
+        _send(there, work, part)
+
+
+def _send(there: Connection, work: Callable[[P], R], part: P) -> None:
     try:
         answer: tuple[R | None, Exception | None] = (work(part), None)
     except Exception as error:  # noqa: BLE001  raised again where the parts meet
         answer = (None, error)
     there.send(answer)
-    there.close()
-
-
-def _result(here: Connection) -> Any:
-    try:
-        result, error = here.recv()
-    except EOFError:
-        raise ProcessEnded("a process that computed a part of this ended before its result came") from None
-    if error is not None:
-        raise error
-    return result

@@ -27,24 +27,14 @@ from sim.side_by_side import shared_out, side_by_side
 from sim.stacking import pick, stack
 from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, WarmStart, station_of
 
-__all__ = [
-    "PARTS",
-    "Points",
-    "Result",
-    "can_run",
-    "each_can_run",
-    "grid",
-    "grid_of",
-    "simulate",
-    "simulate_each",
-    "simulate_many",
-]
+__all__ = ["PARTS", "Points", "Result", "can_run", "each_can_run", "grid", "grid_of", "simulate", "simulate_each",
+           "simulate_many"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
 _SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
-_WORTH_A_FORK = 1500  # rows in each process: as long as a fork takes
+_WORTH_SHARING = 600  # rows in each process: twice as long as a fork takes
 _MANY = 4  # variants at once that pay for their response being learned
 
 
@@ -135,6 +125,7 @@ def reference(model: Model, points: Points) -> Result:
 
 Case = tuple[Model, Points]
 _Circuit = tuple[Converter, Points]
+_Share = tuple[list[_Circuit], "_Seed | None", list[Array | None]]
 
 
 def _circuits(cases: Sequence[Case]) -> tuple[list[_Circuit], list[int]]:
@@ -158,25 +149,27 @@ def _all_solved(
 ) -> "list[_Solution]":
     """Converters at their points, all in one call but for those that saturate, and a call in each process."""
     size = len(circuits[0][1])
-
-    def solved(part: NDArray[np.intp]) -> "list[tuple[list[int], _Solution]]":
-        found = []
-        for some, converter, points in _stacked([circuits[k] for k in part]):
-            chosen, unknown = part[some].tolist(), np.full((unknowns_of(converter), size), np.nan)
-            ahead = [unknown if own is None else own for own in (starts[k] for k in chosen)]
-            start = None if seed is None else replace(seed, ahead=np.concatenate(ahead, axis=1))
-            found.append((chosen, _solve(converter, points, start)))
-        return found
-
-    shared = processes if len(circuits) * size >= processes * _WORTH_A_FORK else 1
+    parts = shared_out(len(circuits), processes if len(circuits) * size >= processes * _WORTH_SHARING else 1)
+    shares = [([circuits[k] for k in part], seed, [starts[k] for k in part]) for part in parts]
     # shares come back whole: to pickle a few long columns takes a tenth of what many short ones do
     found = {
-        k: whole.rows(slice(n * size, (n + 1) * size))
-        for part in side_by_side(solved, shared_out(len(circuits), shared))
-        for chosen, whole in part
+        int(part[k]): whole.rows(slice(n * size, (n + 1) * size))
+        for part, solved in zip(parts, side_by_side(_share_solved, shares), strict=True)
+        for chosen, whole in solved
         for n, k in enumerate(chosen)
     }
     return [found[k] for k in range(len(circuits))]
+
+
+def _share_solved(share: "_Share") -> "list[tuple[list[int], _Solution]]":
+    """Solutions, each of some of the share's circuits one after the other."""
+    (circuits, seed, starts), found = share, []
+    for chosen, converter, points in _stacked(circuits):
+        unknown = np.full((unknowns_of(converter), len(circuits[0][1])), np.nan)
+        ahead = [unknown if own is None else own for own in (starts[k] for k in chosen)]
+        start = None if seed is None else replace(seed, ahead=np.concatenate(ahead, axis=1))
+        found.append((chosen, _solve(converter, points, start)))
+    return found
 
 
 def _stacked(circuits: "list[_Circuit]") -> Iterator[tuple[list[int], Converter, Points]]:

@@ -36,6 +36,7 @@ from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.verdict import Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
+from sim.side_by_side import kept
 
 Array = NDArray[np.float64]
 
@@ -306,7 +307,7 @@ def diagnose(
     ParameterError
         ``without`` names an effect that the catalogue does not have.
     """
-    with _one_thread():
+    with _one_thread(), kept(processes):
         return _diagnosed(measurements, baseline or Model.baseline(), without, seed, progress, processes)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
 from models.diagnosis.whitener import Covariance, Whitener
+from sim.side_by_side import shared_out, side_by_side
 
 Array = NDArray[np.float64]
 
@@ -91,7 +92,14 @@ class _Blocks:
 
 def held_out_gains(readings: Readings, cause: Fit, rival: Fit | None, seed: int) -> tuple[Gain, ...]:
     """The gain of a cause over every kind of blocks there is, bands of power first; none with too few readings."""
-    return tuple(_over(blocks, readings, (cause, rival), seed) for blocks in _kinds(readings.observations))
+    kinds = _kinds(readings.observations)
+    shares = [
+        ([kinds[k] for k in share], readings, (cause, rival), seed)
+        for share in shared_out(len(kinds), readings.observations.processes)
+        if share.size
+    ]
+    found = {gain.blocks: gain for gains in side_by_side(_over_each, shares) for gain in gains}
+    return tuple(found[blocks.name] for blocks in kinds)
 
 
 def _kinds(observations: Observations) -> list[_Blocks]:
@@ -112,6 +120,12 @@ def _kinds(observations: Observations) -> list[_Blocks]:
     if np.ptp(time_s[row][judged]) > 0:
         found["quarter of the time"] = parts(time_s, _PARTS)
     return [_Blocks(name=name, place=place, judged=judged) for name, place in found.items()]
+
+
+def _over_each(share: tuple[list[_Blocks], Readings, tuple[Fit, Fit | None], int]) -> list[Gain]:
+    """The gains over some kinds of blocks."""
+    kinds, readings, rivals, seed = share
+    return [_over(blocks, readings, rivals, seed) for blocks in kinds]
 
 
 def _over(blocks: _Blocks, readings: Readings, rivals: tuple[Fit, Fit | None], seed: int) -> Gain:

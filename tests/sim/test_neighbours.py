@@ -124,7 +124,7 @@ def test_an_unknown_start_is_that_of_the_neighbour() -> None:
 
 
 def test_processes_find_what_one_finds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.simulate._WORTH_A_FORK", 1)
+    monkeypatch.setattr("sim.simulate._WORTH_SHARING", 1)
     near = reference(Model.baseline(), points())
     models = [Model.baseline().with_effect("link_resistance", **{HEAD: x}) for x in (0.01, 0.02, 0.03)]
     cases = [(model, points()) for model in models]

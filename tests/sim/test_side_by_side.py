@@ -72,6 +72,50 @@ except ProcessEnded:
     assert fresh(program) == "told"
 
 
+def test_forks_that_are_kept_answer_again() -> None:
+    program = """
+from sim.side_by_side import kept
+def work(part):
+    return part, os.getpid()
+with kept(3):
+    found = [side_by_side(work, [1, 2, 3]) for _ in range(2)]
+print([part for part, _ in found[0]], found[0] == found[1], len({pid for _, pid in found[0]}))
+print(multiprocessing.active_children())
+"""
+    assert fresh(program).splitlines() == ["[1, 2, 3] True 3", "[]"]
+
+
+def test_an_error_leaves_no_answer_behind() -> None:
+    program = """
+from sim.side_by_side import kept
+def work(part):
+    if part < 0:
+        raise ValueError(part)
+    return part
+with kept(2):
+    for failing in ([-1, 7], [7, -1]):
+        try:
+            side_by_side(work, failing)
+        except ValueError as error:
+            print(error, side_by_side(work, [1, 2]))
+"""
+    assert fresh(program).splitlines() == ["-1 [1, 2]"] * 2
+
+
+def test_a_killed_fork_that_was_kept_is_told() -> None:
+    program = """
+from sim.side_by_side import kept
+def work(part):
+    return part and os.kill(os.getpid(), signal.SIGKILL)
+with kept(2):
+    try:
+        side_by_side(work, [0, 1])
+    except ProcessEnded:
+        print("told", side_by_side(abs, [-1, -2]))
+"""
+    assert fresh(program) == "told [1, 2]"
+
+
 def test_two_processes_simulate_what_one_does() -> None:
     columns = grid_columns()
     alone, shared = (solve_rows(Model.baseline(), columns, processes) for processes in (1, 2))
