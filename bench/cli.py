@@ -3,7 +3,7 @@
 Verbs of this package live in ``bench/commands``, one module per family, each with an ``app``. Verbs of other
 packages are found by the entry point group ``d2ea.verbs``, so that nothing above is imported here.
 
-Exit codes: 0 done, 1 failed, 2 wrong use, 3 bench left unsafe.
+Exit codes: 0 done, 1 failed, 2 wrong use, 3 bench left unsafe, 130 interrupted (as shells have it).
 """
 
 import importlib
@@ -25,7 +25,7 @@ from bench.errors import BenchError, BenchUnsafe, InputError
 from bench.log import start_log
 from drivers.errors import InstrumentError
 
-FAILED, WRONG_USE, UNSAFE = 1, 2, 3
+FAILED, WRONG_USE, UNSAFE, INTERRUPTED = 1, 2, 3, 130
 VERBS = "d2ea.verbs"
 log = logging.getLogger("d2ea")
 
@@ -74,6 +74,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     said = sys.argv[1:] if arguments is None else arguments
     try:
         get_command(build(said[0] if said else None))(args=said, prog_name="d2ea")
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED:
+            err.print("[bold red]interrupted:[/] nothing is left half-written")
+        raise
     except BenchUnsafe as error:
         _say("BENCH NOT SAFE", error)
         err.print("[bold red]Switch the bench off by hand and see that it is off.[/]")

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,9 @@ import pandas as pd
 
 from bench.campaign import CampaignOutcome, Job, measurement_table, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
-from bench.demo_beside import LOADS_W, carried_loads, diagnosed, one_thread, simulated_grid, unseen_points
+from bench.demo_beside import LOADS_W, carried_loads, diagnosed, simulated_grid, unseen_points
 from bench.model_file import write_model
+from bench.processes import pool_of
 from bench.progress import Progress
 from bench.store import Store
 from bench.training import efficiency_of
@@ -112,8 +112,7 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         database = plan.out / "d2ea.sqlite"
         for stale in plan.out.glob("d2ea.sqlite*"):
             stale.unlink()
-    workers = ProcessPoolExecutor(max_workers=1, mp_context=get_context("spawn"), initializer=one_thread)
-    with workers, Rack(plant) as rack, Store(f"sqlite:///{database}") as store:
+    with pool_of(1) as workers, Rack(plant) as rack, Store(f"sqlite:///{database}") as store:
         simulating = workers.submit(simulated_grid)
         mapping, drawing = workers.submit(carried_loads), workers.submit(unseen_points, plan.seed)
         bench = check(rack.bench_config(), BenchConfig, file="the mock rack")

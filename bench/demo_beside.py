@@ -8,7 +8,6 @@ import time
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from bench.training import feasible_of
 from models.dataset import load_measurements
@@ -22,11 +21,6 @@ Table = pd.DataFrame
 LOADS_W = np.arange(200.0, 2001.0, 100.0)
 _UNSEEN = 300  # points on which every model is judged; none of them was measured
 _FEASIBLE_SHARE = 0.35  # of the box that they are drawn from, at the least
-
-
-def one_thread() -> None:
-    """Linear algebra in one thread: a team of them would wait for the campaign's core."""
-    threadpool_limits(1)
 
 
 def simulated_grid() -> tuple[Table, float]:

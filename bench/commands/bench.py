@@ -27,7 +27,7 @@ from bench.leftovers import switch_off_leftovers
 from bench.spy import FileSpy, file_spy
 from bench.states import STOPPED
 from bench.store import BenchRow, BenchState, Row, Store, database_url
-from bench.toml_file import to_toml, write_atomically
+from bench.toml_file import read_toml, to_toml, write_atomically
 from drivers.clock import WallClock
 
 if TYPE_CHECKING:
@@ -74,6 +74,7 @@ def mock(
     from drivers.mocks.plant import Plant  # here: a program that runs a real bench loads no mocks
     from drivers.mocks.rack import Rack
 
+    _refuse_to_replace(out_file)
     hidden = parse_hidden(hide or [], foreign=True)
     faults = faults_in(fault)
     stop = threading.Event()
@@ -90,6 +91,22 @@ def mock(
             finally:
                 _remove_own(out_file, text)
     err.print("mock instruments stopped")
+
+
+def _refuse_to_replace(path: Path) -> None:
+    """InputError for the file of a bench on hardware, or of mock instruments that still listen."""
+    if not path.exists():
+        return
+    there = read_toml(path)
+    analyzer = there.get("analyzer")
+    port = Path(str(analyzer.get("resource"))) if isinstance(analyzer, dict) else None
+    if there.get("virtual") is not True:
+        whose = "there is a file of that name, and not of mock instruments"
+    elif port is not None and port.exists():
+        whose = "mock instruments that still run wrote that file"
+    else:  # left behind by some that are gone
+        return
+    raise InputError.of("command line", "--out", str(path), f"{whose}; name another one")
 
 
 def _remove_own(path: Path, text: str) -> None:

@@ -1,6 +1,7 @@
 """The verb dashboard: campaigns, bench, models and diagnosis on a live page, from a process of its own."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -53,7 +54,8 @@ def dashboard(
         def said(url: str) -> None:
             out.print(escape(f"dashboard of {store.url} at {url}  Ctrl-C ends it."))
 
-        serve(desk, Door(token), Address(host=host, port=port), said=said)
+        with suppress(KeyboardInterrupt):  # as it is told to be ended
+            serve(desk, Door(token), Address(host=host, port=port), said=said)
 
 
 def read_token(file: Path | None) -> str | None:

@@ -45,7 +45,7 @@ class Address:
                 "command line",
                 "--host, --port",
                 f"{self.host}:{self.port}",
-                f"cannot be listened on: {error}",
+                f"cannot be listened on: {error.strerror or error}; --port 0 takes any free port",
             ) from error
 
 

@@ -130,17 +130,22 @@ def test_a_run_on_unreachable_instruments_fails_and_is_recorded(capsys: pytest.C
         (LinkTimeout("no reply"), 1),
         (InputError.of("f.toml", "a", 1, "allowed is 2"), 2),
         (ZeroDivisionError("division by zero"), 1),
+        (FileNotFoundError(2, "No such file or directory", "bench/any.toml"), 1),
+        (KeyboardInterrupt(), 130),
     ],
 )
 def test_every_error_has_its_exit_code_and_no_traceback(
-    error: Exception, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    error: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(_path: object) -> None:
         raise error
 
     monkeypatch.setattr("bench.commands.bench.read_bench", fail)
     assert d2ea("check", "any.toml") == code
-    assert "Traceback" not in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert said
+    assert "Traceback" not in said
+    assert "Errno" not in said
 
 
 def test_imported_measurements_come_out_of_export(capsys: pytest.CaptureFixture[str]) -> None:
@@ -291,6 +296,22 @@ def test_mock_listens_until_it_is_ended_and_takes_its_file_away() -> None:
         rack.send_signal(signal.SIGTERM)
         assert rack.wait(timeout=20) == 0
     assert not Path("rack.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("there", "said"),
+    [
+        ({"name": "bench one"}, "not of mock instruments"),
+        ({"virtual": True, "analyzer": {"resource": "/dev/null"}}, "still run wrote that file"),
+    ],
+)
+def test_mock_replaces_no_file_that_somebody_needs(
+    there: dict[str, object], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("bench.toml").write_text(to_toml(there))
+    assert d2ea("mock") == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert read_toml(Path("bench.toml")) == there
 
 
 def test_a_rehearsal_needs_no_instruments_and_lists_its_faults(capsys: pytest.CaptureFixture[str]) -> None:
