@@ -66,17 +66,15 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     """
     geometry, catalogue = refinery.geometry, len({s.effect for s in refinery.known.effects})
     configurations = geometry.leftovers.configurations
-    shares: list[tuple[Leftover | None, float]] = [
-        (None, math.log(1 - P_LEFTOVER) if configurations else 0.0)
-    ]
-    shares += [(c, math.log(P_LEFTOVER / len(configurations))) for c in configurations]
-    fits, leftovers = list(fits), [leftover for leftover, _ in shares]
+    fits, leftovers = list(fits), [None, *configurations]
+    shares = [_log_share(leftover, configurations) for leftover in leftovers]
     own = [fit.own(refinery.known) for fit in fits]
     log = np.empty((len(fits), len(leftovers)))
     weighed = weigh(fits, refinery.seen(fits), geometry, own, leftovers)
     for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
         log[k] = log_prior(fit, catalogue)
-        log[k] += [share + _last_word(w, c) for (c, share), w in zip(shares, beside, strict=True)]
+        log[k] += shares
+        log[k] += [_last_word(w, c) for c, w in zip(leftovers, beside, strict=True)]
     probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
     counts = (probability > _NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
     counts[:, 0] = True  # without leftover
@@ -90,6 +88,20 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
         for k, c in order
         if counts[k, c]
     ]
+
+
+def log_total(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> float:
+    """Log evidence of all hypotheses of one geometry together, priors included; the most probable comes first."""
+    best, catalogue = hypotheses[0], len({s.effect for s in refinery.known.effects})
+    share = _log_share(best.leftover, refinery.geometry.leftovers.configurations)
+    return best.fit.log_evidence + log_prior(best.fit, catalogue) + share - math.log(best.probability)
+
+
+def _log_share(leftover: Leftover | None, configurations: Sequence[Leftover]) -> float:
+    """Log of the prior's share of a leftover, or of none."""
+    if not configurations:
+        return 0.0
+    return math.log(1 - P_LEFTOVER if leftover is None else P_LEFTOVER / len(configurations))
 
 
 def _last_word(w: Weighed, leftover: Leftover | None) -> float:

@@ -67,9 +67,10 @@ class Term:
 
     @property
     def uncertainty(self) -> float:
-        """Standard deviation of the value: of the fit, of the part's own spread, and of the effect's law."""
+        """Standard deviation of the value: of the fit, of the parts' own spreads, and of the effect's law."""
         entry = self.signature.entry
-        return float(np.hypot(np.hypot(self.sigma, entry.spread_at(self.value)), entry.law * self.distance))
+        spread = entry.spread_at(self.value, self.signature.everyday)
+        return float(np.hypot(np.hypot(self.sigma, spread), entry.law * self.distance))
 
     def aside(self, share: float) -> Self:
         """The value moved by a share of the prior scale, inside its bounds."""

@@ -76,7 +76,7 @@ def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen
     seen, number = ahead.observed(refinery)
     effects, known = {name for fit in fits for name in fit.effects}, refinery.known
     near = None if ahead.near is None else ahead.near.take(np.unique(seen.row))
-    there = signatures(seen, refinery.baseline, among=effects, near=near)
+    there = signatures(seen, refinery.baseline, among=effects, near=near).doubted(seen, known.doubt)
     accuracy = _Accuracy(refinery.observations, seen)
     across = known.spreads.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))

@@ -7,14 +7,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import noiseless_covariance
-from models.diagnosis.evidence import on_tangents, weighed_with_leftovers
+from models.diagnosis.evidence import log_total, on_tangents, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
 from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.signatures import Signatures
+from models.diagnosis.signatures import Signature, Signatures
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
 from sim.simulate import Result
@@ -27,6 +27,8 @@ _LEADING = 4  # effects that are weighed beside leftovers for it
 _PROBES = 24  # random signs that estimate a trace to three per cent
 _DRIFTS = 3.0  # times the usual noise of an instrument: replicates that scatter by more may drift
 _ROUGH = 0.02  # of what the best explanation moves a reading by: no law is good to less, from one reading to the next
+_NARROWER = 0.3  # of the doubt about laws, where the readings show that the simulation is as good as that
+_WORTH = 3.0  # in log evidence
 _SEED = 0  # of the probes
 
 
@@ -59,16 +61,40 @@ def set_up(
     best = bench.settled(first)
     if (steadier := _steadier(observations, noise, first)) is not None:
         best = max(best, bench.settled(steadier), key=lambda settled: settled.log_evidence)
+    bench, best = _narrowed(bench, best)
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
     near, lines = known.start(observations, baseline)
-    columns = law_columns(known.effects, observations, _state(observations, near))
-    laws = Laws.of(columns, found.refinery.geometry)
+    geometry = found.refinery.geometry
+    laws = Laws.of(law_columns(known.effects, observations, _state(observations, near)), geometry)
+    effects = tuple(replace(s, everyday=_everyday(s, known, geometry)) for s in known.effects)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
         found,
         far_off=best.left / usual[observations.channel],
-        refinery=replace(found.refinery, near=near, lines=lines, laws=laws),
+        refinery=replace(
+            found.refinery, known=replace(bench.known, effects=effects), near=near, lines=lines, laws=laws
+        ),
     )
+
+
+def _everyday(signature: Signature, known: Signatures, geometry: Geometry) -> float:
+    """One sigma of the value that is fitted where nothing but the effect's own parts are off, each for itself."""
+    own = known.own_spreads(signature.effect)
+    seen = geometry.project(np.concatenate([signature.slope[None], known.spreads[own]]))
+    (squared, *along), *_ = geometry.products(seen, own)[0]
+    return float(np.linalg.norm(along) / squared) if squared > 0.0 else 0.0
+
+
+def _narrowed(bench: "_Bench", best: "_Settled") -> tuple["_Bench", "_Settled"]:
+    """The same with laws of the simulation that are doubted less, where the readings are likelier so.
+
+    What laws are wrong by would then be a leftover: with one, they are not as good as that.
+    """
+    known = bench.known.doubted(bench.observations, _NARROWER)
+    narrower = replace(bench, known=known, noiseless=noiseless_covariance(bench.observations, known))
+    tried = narrower.settled(best.first, best)
+    better = tried.whole and tried.log_evidence > best.log_evidence + _WORTH
+    return (narrower, tried) if better else (bench, best)
 
 
 def _steadier(observations: Observations, noise: list[ChannelNoise], sigma: Array) -> Array | None:
@@ -83,12 +109,17 @@ def _steadier(observations: Observations, noise: list[ChannelNoise], sigma: Arra
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Settled:
-    """Noise and the doubt about the best explanation, (M,), what that leaves in its unit, and how good it is."""
+    """Noise, ``first`` as it was taken for, the doubt about the best explanation and what that leaves, (M,).
 
+    ``log_evidence`` is that of all explanations together, ``whole`` whether the best needs no leftover.
+    """
+
+    first: Array
     sigma: Array
     doubt: Array
     left: Array
     log_evidence: float
+    whole: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,9 +142,12 @@ class _Bench:
         )
         return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery)
 
-    def settled(self, first: Array) -> _Settled:
-        """Looks at what the best explanation leaves until the noise, ``first`` (M,) at the beginning, stands still."""
-        sigma, doubt = first, np.zeros_like(first)
+    def settled(self, first: Array, near: _Settled | None = None) -> _Settled:
+        """Looks at what the best explanation leaves until the noise, ``first`` (M,) at the beginning, stands still.
+
+        ``near`` is what it was elsewhere, to begin from.
+        """
+        sigma, doubt = (first, np.zeros_like(first)) if near is None else (near.sigma, near.doubt)
         for _ in range(_LOOKS):
             look = _look(self.setting(sigma, doubt))
             before, sigma = sigma, corrected(self.observations, self.noise, first, look.left * sigma / first)
@@ -121,8 +155,9 @@ class _Bench:
             if np.all(np.abs(np.log(np.hypot(sigma, doubt) / changed)) < _SETTLED):
                 break
         return _Settled(
-            sigma=sigma, doubt=doubt, left=np.abs(look.left) * before, log_evidence=look.log_evidence
-        )
+            first=first, sigma=sigma, doubt=doubt, left=np.abs(look.left) * before,
+            log_evidence=look.log_evidence, whole=look.whole,
+        )  # fmt: skip
 
 
 def _state(observations: Observations, near: Result) -> dict[str, Array]:
@@ -139,21 +174,24 @@ def _state(observations: Observations, near: Result) -> dict[str, Array]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Look:
-    """The best explanation on tangents, (M,): the cause with the leftover beside it, and how good it is.
+    """The best explanation on tangents, (M,): the cause with the leftover beside it; and how good all are together.
 
-    ``left`` (M,) is what it leaves of every reading, in sigmas as if that one had not been fitted.
+    ``left`` (M,) is what it leaves of every reading, in sigmas as if that one had not been fitted; it is ``whole``
+    without leftover.
     """
 
     explained: Array
     left: Array
     log_evidence: float
+    whole: bool
 
 
 def _look(setting: Setting) -> _Look:
     refinery, geometry = setting.refinery, setting.refinery.geometry
     nothing, *tangents = on_tangents(refinery)
     leading = sorted(tangents, key=lambda fit: -fit.log_evidence)[:_LEADING]
-    best = weighed_with_leftovers(refinery, [nothing, *leading])[0]
+    weighed = weighed_with_leftovers(refinery, [nothing, *leading])
+    best = weighed[0]
     own = best.fit.own(refinery.known)
     signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, setting.sigma.size))
     vectors = np.concatenate([(refinery.residual - best.fit.shift)[None], signs * setting.sigma])
@@ -168,5 +206,6 @@ def _look(setting: Setting) -> _Look:
     return _Look(
         explained=explained,
         left=solved[0] / np.sqrt(np.maximum(share, 0.05)),
-        log_evidence=best.fit.log_evidence - 0.5 * geometry.whitener.log_determinant,
+        log_evidence=log_total(weighed, refinery) - 0.5 * geometry.whitener.log_determinant,
+        whole=best.leftover is None,
     )

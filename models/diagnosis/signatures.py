@@ -3,11 +3,12 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.inaccuracy import inaccuracy
+from models.diagnosis.inaccuracy import inaccuracy, narrowed
 from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
 from sim.effects.base import Effect
@@ -37,11 +38,15 @@ _STEP = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """Change of every reading (M,) per unit of an effect's headline value, at fixed other values."""
+    """Change of every reading (M,) per unit of an effect's headline value, at fixed other values.
+
+    ``everyday`` is one sigma of the headline value that the everyday spreads of the effect's own parts look like.
+    """
 
     effect: str
     other: dict[str, float] = field(default_factory=dict)
     slope: Array
+    everyday: float = 0.0
 
     @property
     def entry(self) -> Effect:
@@ -60,7 +65,8 @@ class Signatures:
     The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
     tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
-    ``per_watt`` (M,) its change for one watt more at the output. ``near`` is the baseline's simulation at ``rows`` of
+    ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (2, M) is
+    that of the simulation, its laws as doubtful as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of
     the frame, for variants to start from, and ``lines`` are what they start along.
     """
 
@@ -72,6 +78,7 @@ class Signatures:
     input_sigma: Array
     per_watt: Array
     inaccuracy: Array
+    doubt: float = 1.0
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
     lines: Lines | None = None
@@ -82,6 +89,11 @@ class Signatures:
             return observations.reference(baseline), None
         used = np.searchsorted(self.rows, np.unique(observations.row))
         return self.near.take(used), self.lines.take(used)
+
+    def doubted(self, observations: Observations, doubt: float) -> Self:
+        """The same with the simulation's laws wrong by such a share of what they may be."""
+        narrow = narrowed(self.inaccuracy, observations, doubt / self.doubt)
+        return replace(self, inaccuracy=narrow, doubt=doubt)
 
     def own_spreads(self, name: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""

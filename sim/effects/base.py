@@ -88,9 +88,9 @@ class Effect:
         p = self.headline if name is None else next(p for p in self.parameters if p.name == name)
         return values.get(p.name, p.off)
 
-    def spread_at(self, value: float) -> float:
-        """How far the everyday spread of a part moves the headline that is read from it, one sigma."""
-        return self.headline.tolerance
+    def spread_at(self, value: float, everyday: float) -> float:
+        """How far the parts' spread, that moves the headline by ``everyday`` at off, moves it at a value, one sigma."""
+        return everyday
 
     def near(self, threshold: str, state: Array, values: Values) -> NDArray[np.bool_]:
         """Where a state (N,) is within the tolerance of the threshold of that name."""

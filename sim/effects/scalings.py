@@ -28,11 +28,11 @@ class ParameterEffect(Effect):
     paths: tuple[str, ...]
     change: Callable[[Any, float], Any]
 
-    def spread_at(self, value: float) -> float:
+    def spread_at(self, value: float, everyday: float) -> float:
         """A scaled part's spread is scaled too; a part that was replaced has its value and no spread."""
         if self.change is _replaced:
             return 0.0
-        return self.headline.tolerance * (1.0 + value if self.change is _scaled else 1.0)
+        return everyday * (1.0 + value if self.change is _scaled else 1.0)
 
     def converter(self, converter: Converter, values: Values) -> Converter:
         """The converter with the named parameters changed; the very same object at the OFF value."""

@@ -1,5 +1,7 @@
 """A cause whose own law is a little wrong in shape: it stays one cause, and its interval says so."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,9 +46,10 @@ def test_a_second_cause_that_is_there_is_still_found() -> None:
 
 def test_a_values_uncertainty_is_at_least_what_its_law_and_its_part_are_worth() -> None:
     (term,) = named(WRONG, 0.05).terms
-    entry = term.signature.entry
-    assert term.uncertainty == pytest.approx(
-        np.sqrt(term.sigma**2 + entry.headline.tolerance**2 + (entry.law * term.value) ** 2), rel=1e-12
+    law = term.signature.entry.law
+    spread = replace(term, signature=replace(term.signature, everyday=0.002))
+    assert spread.uncertainty == pytest.approx(
+        np.sqrt(term.sigma**2 + 0.002**2 + (law * term.value) ** 2), rel=1e-12
     )
     assert term.sigma > 2 * named(WRONG - 0.1 * GROWING * BENT, 0.0).terms[0].sigma
 

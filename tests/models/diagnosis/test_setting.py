@@ -1,0 +1,67 @@
+"""The setting: how good the simulation is taken to be, and how far a part's own spread moves a value."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from models.diagnosis.covariance import locations, smooth_covariance
+from models.diagnosis.noise import estimate_noise
+from models.diagnosis.observations import Observations, observe
+from models.diagnosis.setting import Setting, set_up
+from models.diagnosis.signatures import Signatures, signatures
+from sim.model import Model
+from sim.prototype import prototype
+from tests.models.diagnosis.virtual_campaign import simulated_campaign
+
+Array = NDArray[np.float64]
+NOISE_W = 0.05
+
+
+@pytest.fixture(scope="module")
+def observations() -> Observations:
+    """Efficiency alone at forty points and eight of them again, as the simulator has it, with noise."""
+    frame = simulated_campaign(Model.baseline(), seed=1, count=40)
+    noise = NOISE_W * np.random.default_rng(2).standard_normal(len(frame))
+    frame = frame.assign(P1_W=frame["P1_W"] + noise)
+    return observe(frame[["kind", "D1", "D2", "time_s", "P1_W", "P2_W"]], prototype())
+
+
+@pytest.fixture(scope="module")
+def known(observations: Observations) -> Signatures:
+    return signatures(observations, Model.baseline())
+
+
+def setting(observations: Observations, known: Signatures, error_W: Array | float = 0.0) -> Setting:
+    """The setting of readings that are off by some watts, of those that every variant can carry."""
+    kept = known.finite()
+    off = replace(observations, value=observations.value + error_W).take(kept)
+    there = known.take(kept)
+    return set_up(off, Model.baseline(), there, estimate_noise(off, off.value - there.baseline))
+
+
+def test_where_readings_agree_with_the_simulation_its_laws_are_doubted_less(
+    observations: Observations, known: Signatures
+) -> None:
+    assert setting(observations, known).refinery.known.doubt < 1.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_laws_that_are_wrong_by_what_they_may_be_stay_doubted(
+    observations: Observations, known: Signatures, seed: int
+) -> None:
+    here = locations(observations)[observations.row], np.nan_to_num(known.inaccuracy)
+    wrong_W = np.random.default_rng(seed).multivariate_normal(
+        np.zeros(observations.value.size), smooth_covariance(here, here)
+    )
+    assert setting(observations, known, wrong_W).refinery.known.doubt == 1.0
+
+
+def test_a_value_is_as_uncertain_as_the_parts_that_it_is_of(
+    observations: Observations, known: Signatures
+) -> None:
+    everyday = {s.effect: s.everyday for s in setting(observations, known).refinery.known.effects}
+    assert everyday["link_resistance"] == pytest.approx(0.002, rel=0.03)  # one part; slopes bend
+    assert 0.01 < everyday["sic_on_resistance"] < 0.05  # of several that are each 5 % off for themselves
+    assert everyday["fan_step"] == 0.0  # there is none that could be a little off
