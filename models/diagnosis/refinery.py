@@ -150,12 +150,14 @@ class Refinery:
         return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(found, weighed, strict=True)]
 
     def followed(self, fits: Iterable[Fit], leader: float = -np.inf) -> list[Fit]:
-        """Newton's steps from simulated fits until all stand still, each to its best state.
+        """Newton's steps from simulated fits, the best of each set, until all stand still, each to its best state.
 
         What falls far behind the ``leader`` is left where it is. A step that loses evidence is halved from the
         best state seen: where edges pass each other the simulation is not smooth.
         """
-        best = {_key(fit): fit for fit in fits}
+        best: dict[tuple[object, ...], Fit] = {}
+        for fit in fits:
+            best[_key(fit)] = max(best.get(_key(fit), fit), fit, key=lambda f: f.log_evidence)
         ahead = self._onward(list(best.values()), leader)
         for turn in range(_ROUNDS):
             if not ahead:

@@ -152,3 +152,15 @@ def test_every_threshold_of_what_is_chosen_is_followed_and_no_second_line() -> N
     lines = [fit_of("link_resistance", along, value=v) for v in (0.02, 0.04)]
     (found,) = _other_variants([chosen, lines[0]], [chosen, other, *lines])
     assert found is other
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_several_starts_of_the_same_causes_the_best_is_followed(order: int) -> None:
+    bench = refinery(0.05 * GROWING + noise(3), [LINK], SIGMA)
+    line = replace(Fit.nothing(READINGS), terms=(alone(bench).terms[0],))
+    starts = [
+        replace(line.moved(np.array([value - line.terms[0].value])), log_evidence=evidence)
+        for value, evidence in ((0.05, -10.0), (0.2, -500.0))
+    ]
+    (kept,) = bench.followed(starts[::order], leader=1e6)  # far ahead: none of them goes on
+    assert kept.terms[0].value == pytest.approx(0.05)
