@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _SECONDARY = np.array([False, False, True, True])
-_FEW = 200  # pairs that cost no more as larger groups
+_FEW = 600  # pairs that cost no more as larger groups
 _NUDGE_A, _NUDGE = 1e-6, 1e-7  # in current and in Th, to see what legs that meet make of it
 
 

@@ -18,7 +18,7 @@ Index = NDArray[np.intp]
 _STEPS = 8  # of a leg; legs that meet take those of each other as well
 _GRADE = 1.15  # finer at the start, where large currents swing nodes in nanoseconds
 _LOOKS = (0, 3, 5)  # steps before which legs whose node will not move any more are done with
-_FEW = 50  # groups that are not worth being told apart
+_FEW = 300  # groups that are not worth being told apart
 _NONE = 1e-9  # of the dead time: a step so short is none
 
 
@@ -44,10 +44,12 @@ def _integrate(legs: "_Alone | _Together", curves: Curves, whole: Commutation, r
             stays = legs.finish(k)
             if np.any(stays):
                 done, going = np.flatnonzero(stays), np.flatnonzero(~stays)
-                whole.put((slice(None), rows[done]), legs.take(done).outcome())
+                whole.put((slice(None), rows[done]), legs.outcome(done))
+                if not going.size:
+                    return
                 legs, rows = legs.take(going), rows[going]
         legs.step(curves, k)
-    whole.put((slice(None), rows), legs.outcome())
+    whole.put((slice(None), rows), legs.outcome(slice(None)))
 
 
 def _grid(steps: int) -> Array:
@@ -63,7 +65,8 @@ class _Alone:
     """K legs that meet no other, half way through their dead times, arrays (K,).
 
     ``q`` is the charge in intervals of the curve, ``u`` the position from -1 to 1; ``d`` are derivatives to the current
-    at the edge. The slope of x is ``base + own u - way (signed + bent u) - damping i``.
+    at the edge. The slope of x is ``base + own u - way (signed + bent u) - damping i``. What follows ``per_charge`` is
+    of the :class:`Meeting`.
     """
 
     x: Array
@@ -82,7 +85,14 @@ class _Alone:
     signed: Array
     bent: Array
     per_charge: Array
-    meeting: Meeting
+    current_A: Array
+    per_current: Array
+    magnetizing_A: Array
+    damping_per_s: Array
+    eddy_s: Array
+    charge_C: Array
+    curve: Index
+    dead_time_s: Array
     sloped: bool
 
     looks = _LOOKS
@@ -99,19 +109,21 @@ class _Alone:
             base=meeting.outside_A_per_s[0] - 0.5 * (plain[1] + plain[0]),
             own=meeting.coupling_A_per_s[0, 0] - 0.5 * (plain[1] - plain[0]),
             signed=0.5 * (signed[1] + signed[0]), bent=0.5 * (signed[1] - signed[0]),
-            per_charge=meeting.per_charge()[0], meeting=meeting, sloped=sloped,
+            per_charge=meeting.per_charge()[0], current_A=x, per_current=meeting.per_current[0],
+            magnetizing_A=meeting.magnetizing_A, damping_per_s=meeting.damping_per_s, eddy_s=meeting.eddy_s,
+            charge_C=meeting.charge_C[0], curve=meeting.curve[0], dead_time_s=meeting.dead_time_s, sloped=sloped,
         )  # fmt: skip
 
     def take(self, chosen: Index) -> "_Alone":
         """Some of the legs."""
-        own = {name: value[chosen] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        return _Alone(meeting=self.meeting.take(chosen), sloped=self.sloped, **own)
+        own = {name: value[chosen] for name, value in vars(self).items() if name != "sloped"}
+        return _Alone(sloped=self.sloped, **own)
 
     def slope(self, h: Array) -> tuple[Array, Array]:
         """dx/dt now, and what drops take of it on average through a time."""
-        i, slope = self.x + self.meeting.magnetizing_A, self.base + self.own * self.u
+        i, slope = self.x + self.magnetizing_A, self.base + self.own * self.u
         signed = self.signed + self.bent * self.u
-        taken = signed * mean_sign(i, h * slope, h * signed) + self.meeting.damping_per_s * i
+        taken = signed * mean_sign(i, h * slope, h * signed) + self.damping_per_s * i
         return slope - taken, taken
 
     @property
@@ -121,12 +133,12 @@ class _Alone:
 
     def finish(self, k: int) -> NDArray[np.bool_]:
         """Carry on, to the end of the dead time, legs at a rail that their current holds them to; tells which."""
-        left_s = (1.0 - _ENDS[k]) * self.meeting.dead_time_s
+        left_s = (1.0 - _ENDS[k]) * self.dead_time_s
         slope, _ = self.slope(left_s)
         now, then = self.per_charge * self.x, self.per_charge * (self.x + left_s * slope)
         at_end = self.q >= FULL
         stays = (at_end & (now > 0) & (then > 0)) | ((self.q <= 0.0) & (now < 0) & (then < 0))
-        passed = left_s * (0.5 * (now + then) + self.per_charge * self.meeting.eddy_s * slope)
+        passed = left_s * (0.5 * (now + then) + self.per_charge * self.eddy_s * slope)
         carried = np.where(stays, passed, 0.0)
         self.opposite = self.opposite + np.maximum(carried, 0.0)
         self.over = self.over + carried
@@ -136,13 +148,13 @@ class _Alone:
 
     def step(self, curves: Curves, k: int) -> None:
         """One step."""
-        h = (_ENDS[k + 1] - _ENDS[k]) * self.meeting.dead_time_s
+        h = (_ENDS[k + 1] - _ENDS[k]) * self.dead_time_s
         slope, taken = self.slope(h)
-        lead, rate = 0.5 * h + self.meeting.eddy_s, self.per_charge * h
+        lead, rate = 0.5 * h + self.eddy_s, self.per_charge * h
         moved = self.q + rate * (self.x + lead * slope)
         after = limited(moved, 0.0, FULL)
         beyond = moved - after
-        u, rise, integral = curves.at(self.meeting.curve[0], after)
+        u, rise, integral = curves.at(self.curve, after)
         mean = mean_position(u, integral - self.integral, after - self.q, moved - self.q)
         if self.sloped:
             self._step_tangent(h, lead, rate, rise, beyond == 0.0)
@@ -161,20 +173,19 @@ class _Alone:
         self.dx, self.du = self.dx + self.own * change, du
         self.reached_per_A = self.reached_per_A + 0.5 * change
 
-    def outcome(self) -> Commutation:
-        """The dead times (1, K), once they are over."""
-        meeting = self.meeting
-        charge_C, c = meeting.charge_C[0] / FULL, meeting.per_current[0]
-        missing = 0.5 - 0.5 * self.u
-        opposite, over = self.opposite * charge_C, self.over * charge_C
+    def outcome(self, chosen: Index | slice) -> Commutation:
+        """The dead times (1, K) of some of the legs, once they are over."""
+        charge_C, c, u = self.charge_C[chosen] / FULL, self.per_current[chosen], self.u[chosen]
+        missing = 0.5 - 0.5 * u
+        opposite, over = self.opposite[chosen] * charge_C, self.over[chosen] * charge_C
         result = Commutation(
-            delay_s=meeting.dead_time_s - self.reached,
-            delay_per_A=-self.reached_per_A,
+            delay_s=self.dead_time_s[chosen] - self.reached[chosen],
+            delay_per_A=-self.reached_per_A[chosen],
             missing=missing,
             opposite_C=opposite,
             same_C=opposite - over,
-            turn_off_A=np.maximum(c * meeting.current_A[0], 0.0),
-            turn_on_A=np.maximum(-c * self.x, 0.0) * missing,
+            turn_off_A=np.maximum(c * self.current_A[chosen], 0.0),
+            turn_on_A=np.maximum(-c * self.x[chosen], 0.0) * missing,
         )
         return result.edge(np.newaxis)
 
@@ -298,16 +309,21 @@ class _Together:
         self.closed_A = self.x if all_moving else np.where(moving, self.x, self.closed_A)
         self.last = u if all_moving else np.where(moving, u, self.last)
 
-    def outcome(self) -> Commutation:
-        """The dead times (m, K), once they are over."""
-        meeting = self.meeting
-        c, charge_C, missing = meeting.per_current, meeting.charge_C / FULL, 0.5 - 0.5 * self.last
+    def outcome(self, chosen: Index | slice) -> Commutation:
+        """The dead times (m, K) of some of the groups, once they are over."""
+        meeting, which = self.meeting, (slice(None), chosen)
+        c, charge_C, missing = (
+            meeting.per_current[which],
+            meeting.charge_C[which] / FULL,
+            0.5 - 0.5 * self.last[which],
+        )
+        opposite = self.opposite[which]
         return Commutation(
-            delay_s=meeting.dead_time_s - self.reached,
+            delay_s=meeting.dead_time_s[chosen] - self.reached[which],
             delay_per_A=np.zeros_like(c),
             missing=missing,
-            opposite_C=charge_C * self.opposite,
-            same_C=charge_C * (self.opposite - self.over),
-            turn_off_A=np.maximum(c * self.opened_A, 0.0),
-            turn_on_A=np.maximum(-c * self.closed_A, 0.0) * missing,
+            opposite_C=charge_C * opposite,
+            same_C=charge_C * (opposite - self.over[which]),
+            turn_off_A=np.maximum(c * self.opened_A[which], 0.0),
+            turn_on_A=np.maximum(-c * self.closed_A[which], 0.0) * missing,
         )
