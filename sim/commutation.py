@@ -117,7 +117,7 @@ class Drops:
 
     def take(self, chosen: Index) -> Self:
         """Some of the groups."""
-        return type(self)(**{name: getattr(self, name)[..., chosen] for name in self.__slots__})
+        return type(self)(**{name: getattr(self, name).take(chosen, axis=-1) for name in self.__slots__})
 
     def at(self, position: Array) -> tuple[Array, Array]:
         """What is taken times the sign of i, and whatever that is, (K,), at the legs' positions (m, K)."""
@@ -158,7 +158,7 @@ class Meeting:
 
     def take(self, chosen: Index) -> Self:
         """Some of the groups."""
-        own = {name: getattr(self, name)[..., chosen] for name in self.__slots__ if name != "drops"}
+        own = {name: getattr(self, name).take(chosen, axis=-1) for name in self.__slots__ if name != "drops"}
         return type(self)(drops=tuple(drop.take(chosen) for drop in self.drops), **own)
 
     def nudged(self, *, current_A: Array, later_s: Array) -> Self:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sim.commutation import Commutation, Curves, Drops, Meeting
 from sim.pieces import Pieces
 from sim.soft_switching import CURVE_POINTS
+from sim.stacking import own_rows
 from sim.swings import commutate
 from sim.waveform import Circuit, Steps, half_wave
 
@@ -71,7 +72,7 @@ class _Groups:
     def of(cls, place: Array, dead: Array) -> Self:
         """Groups of edges at places of the half period, with dead times (N,) in Th."""
         order = np.argsort(place, axis=0, kind="stable")
-        sorted_ = np.take_along_axis(place, order, axis=0)
+        (sorted_,) = own_rows(order, place)
         gap = sorted_ - np.roll(sorted_, 1, axis=0)
         gap[0] += 1.0
         joined = gap < dead
@@ -79,14 +80,14 @@ class _Groups:
         size = np.ones_like(first)
         some = np.flatnonzero(np.any(joined, axis=0))
         if some.size:
-            joined, gap, own = joined[:, some], gap[:, some], order[:, some]
+            joined, gap, own = (x.take(some, axis=1) for x in (joined, gap, order))
             joined[0] &= ~np.all(joined, axis=0)
             leads, lag = own.copy(), np.zeros_like(gap)
             for k in (*range(4), *range(4)):  # twice, for groups that span the half period's end
                 leads[k] = np.where(joined[k], leads[k - 1], own[k])
                 lag[k] = np.where(joined[k], lag[k - 1] + gap[k], 0.0)
             for values, part in ((first, leads), (behind, lag)):
-                at = values[:, some]
+                at = values.take(some, axis=1)
                 np.put_along_axis(at, own, part, axis=0)
                 values[:, some] = at
             size[:, some] = np.sum(first[None, :, some] == np.arange(4)[:, None, None], axis=1)
@@ -98,9 +99,11 @@ class _Groups:
         Where a group has fewer legs its first one stands for those that are missing.
         """
         lead, points = np.nonzero((self.size >= least) & (self.size <= most))
+        if most == 1:
+            return lead[None], points, np.ones((1, lead.size), dtype=bool)
         count = np.arange(most)[:, None]
         there = count < self.size[lead, points]
-        place = np.argmax(self.order[:, points] == lead, axis=0)
+        place = np.argmax(self.order.take(points, axis=1) == lead, axis=0)
         return self.order[(place + np.where(there, count, 0)) % 4, points], points, there
 
     def batches(self) -> Iterator[tuple[int, int]]:
@@ -160,11 +163,11 @@ def commutations(
     if not sloped:
         return found, None
     first = groups.first
-    sign, slope = (np.take_along_axis(x, first, axis=0) for x in (parity, slope * parity))
+    sign, slope, stretch, piece = own_rows(first, parity, slope * parity, stretch, piece)
     per_phase += np.where(_SECONDARY[first], found.delay_per_A * slope * circuit.half_period_s, 0.0)
     view = EdgeView(
-        stretch=np.take_along_axis(stretch, first, axis=0),
-        piece=np.take_along_axis(piece, first, axis=0),
+        stretch=stretch,
+        piece=piece,
         delay_per_A=found.delay_per_A * sign,
         delay_per_phase=per_phase,
     )
@@ -180,18 +183,19 @@ def _meeting(
 ) -> Meeting:
     """What drives groups of legs (m, K) at points (K,); what only stands for a leg moves nothing."""
     legs, points, there = members
-    lead, secondary = legs[0], _SECONDARY[legs]
+    lead, secondary, count = legs[0], _SECONDARY[legs], circuit.V1_V.size
+    first, every = lead * count + points, legs * count + points  # places in arrays (4, N)
     V1, nV2, L, Lm = (
         x[points] for x in (circuit.V1_V, circuit.nV2_V, circuit.inductance_H, circuit.magnetizing_H)
     )
-    apart = wrapped(edges[legs, points] - edges[lead, points])
+    apart = wrapped(edges.take(every) - edges.take(first))
     rises = np.where(np.abs(apart) < 0.5, 1.0, -1.0) * there
-    level = moment.level[:, lead, points]  # a copy: of the legs that move nothing stays
-    np.put_along_axis(level, legs, 0.0, axis=0)
+    level = moment.level.reshape(4, -1).take(first, axis=1)  # a copy: of the legs that move nothing stays
+    level[legs, np.arange(points.size)] = 0.0
     vp, nvs = 0.5 * V1 * (level[0] + level[1]), 0.5 * nV2 * (level[2] + level[3])
     shunted = secondary / Lm
     push = rises * np.where(secondary, -0.5 * nV2, 0.5 * V1)
-    link_A, magnetizing_A = moment.link_A[lead, points], moment.magnetizing_A[lead, points]
+    link_A, magnetizing_A = moment.link_A.take(first), moment.magnetizing_A.take(first)
     behind = np.broadcast_to(circuit.behind_Ohm, circuit.V1_V.shape)[points]
     drops, resistance = _drops(circuit, points, level, secondary, rises, link_A)
     return Meeting(
@@ -203,9 +207,9 @@ def _meeting(
         magnetizing_A=secondary[0] * magnetizing_A,
         damping_per_s=resistance / L,
         eddy_s=np.broadcast_to(circuit.eddy_s, circuit.V1_V.shape)[points],
-        charge_C=circuit.charge_C[legs, points],
+        charge_C=circuit.charge_C.take(every),
         curve=(legs * circuit.curves.shape[1] + circuit.curve[points]) * CURVE_POINTS,
-        opens_s=groups.behind[legs, points] * circuit.half_period_s[points],
+        opens_s=groups.behind.take(every) * circuit.half_period_s[points],
         dead_time_s=circuit.dead_time_s[points],
     )
 
@@ -220,7 +224,7 @@ def _drops(
     drops, resistance, L = [], np.zeros_like(link_A), circuit.inductance_H[points]
     for own, stand, sign, states in bridges:
         per_leg, standing = 0.5 * sign * own * rises, 0.5 * sign * (stand[0] + stand[1])
-        forward, reverse, zero = (x[:, points] for x in states)
+        forward, reverse, zero = (x.take(points, axis=1) for x in states)
         drops.append(Drops.of(standing, per_leg, forward[0] / L, reverse[0] / L, zero[0] / L))
         before = standing - np.sum(per_leg, axis=0)
         live = np.where(before * link_A > 0, forward[1], reverse[1])
@@ -247,7 +251,7 @@ def _solved(
     nudge_A = np.zeros(rows.size)
     nudge_A[size : 2 * size] = _NUDGE_A
     later_s = np.zeros((len(secondary), rows.size))
-    later_s[:, 2 * size :] = apart[:, mixed] * (_NUDGE * half_period_s[mixed])
+    later_s[:, 2 * size :] = apart.take(mixed, axis=1) * (_NUDGE * half_period_s[mixed])
     whole = commutate(meeting.take(rows).nudged(current_A=nudge_A, later_s=later_s), curves)
     found, (richer, later) = (
         whole.edge((slice(None), slice(size))),
@@ -265,15 +269,13 @@ def _current_at(pieces: Pieces, stretch: Index, time_s: Array) -> tuple[Array, I
     piece = each * stretch
     for m in range(1, each):
         row = each * stretch + m
-        starts, lengths = (np.take_along_axis(x, row, axis=0) for x in (pieces.start_s, pieces.duration_s))
+        starts, lengths = own_rows(row, pieces.start_s, pieces.duration_s)
         piece = np.where((lengths > 0) & (starts <= time_s), row, piece)
-    begin, i, first, decay, line = (
-        np.take_along_axis(x, piece, axis=0)
-        for x in (
-            pieces.start_s, pieces.current_A, pieces.slope_A_per_s, pieces.decay_per_s,
-            pieces.share * pieces.magnetizing_A_per_s,
-        )
+    begin, i, first, decay, share, rise = own_rows(
+        piece, pieces.start_s, pieces.current_A, pieces.slope_A_per_s, pieces.decay_per_s, pieces.share,
+        pieces.magnetizing_A_per_s,
     )  # fmt: skip
+    line = share * rise
     t = time_s - begin
     x = np.maximum(decay * t, 1e-300)
     curved = (first - line) * t * (-np.expm1(-x) / x)

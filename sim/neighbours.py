@@ -109,11 +109,21 @@ class Response:
 
     def step(self, chosen: Rows, missed: Array) -> Array:
         """Newton's step (n, M) at some of the points from what they miss, (n, M)."""
-        return np.asarray(-np.matmul(self.inverse[chosen], missed.T[..., None])[..., 0].T)
+        return -_times(self.inverse, chosen, missed)
 
     def moved(self, chosen: Rows, step: Array) -> Array:
         """What a step (n, M) at some of the points adds to their columns, (C, M)."""
-        return np.asarray(np.matmul(self.columns[chosen], step.T[..., None])[..., 0].T)
+        return _times(self.columns, chosen, step)
+
+
+def _times(matrices: Array, chosen: Rows, vectors: Array) -> Array:
+    """Each vector (n, M) times the matrix (N, k, n) of its point, (k, M): those of a point all at once."""
+    count = np.bincount(chosen, minlength=len(matrices))
+    place, order = np.empty_like(chosen), np.argsort(chosen, kind="stable")
+    place[order] = np.arange(chosen.size) - np.repeat(np.cumsum(count) - count, count)
+    together = np.zeros((len(matrices), len(vectors), int(np.max(count, initial=1))))
+    together[chosen, :, place] = vectors.T
+    return np.ascontiguousarray(np.matmul(matrices, together)[chosen, :, place].T)
 
 
 def _slopes(values: Array, size: int) -> Array:
@@ -139,7 +149,8 @@ class Look:
 
     def take(self, chosen: Rows) -> "Look":
         """That of some of the points."""
-        return Look(columns=self.columns[:, chosen], why=self.why[chosen], missed=self.missed[:, chosen])
+        told, missed = (values.take(chosen, axis=1) for values in (self.columns, self.missed))
+        return Look(columns=told, why=self.why[chosen], missed=missed)
 
 
 def _short(station: Station, step: Array, missed: Array) -> NDArray[np.bool_]:
@@ -178,10 +189,10 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
             if np.any(ends):
                 done = np.flatnonzero(ends)
                 there = look.take(done)
-                further = response.moved(origin[done], step[:, done])
+                further = response.moved(origin[done], step.take(done, axis=1))
                 yield Found(
                     rows=rows[done], columns=there.columns + further, why=there.why,
-                    unknowns=(z + step)[:, done],
+                    unknowns=(z + step).take(done, axis=1),
                 )  # fmt: skip
             look = None
             shorter = np.ones(rows.size, dtype=bool)
@@ -192,11 +203,11 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
             if turn >= _AGAIN and np.count_nonzero(~ends) <= _HANDFUL:
                 onward[:] = False
             strayed, going = np.flatnonzero(~ends & ~onward), np.flatnonzero(~ends & onward)
-            aside.append((rows[strayed], z[:, strayed]))
-            rows, origin, z = rows[going], origin[going], (z + step)[:, going]
+            aside.append((rows[strayed], z.take(strayed, axis=1)))
+            rows, origin, z = rows[going], origin[going], (z + step).take(going, axis=1)
             if not going.size:
                 break
-            steps, station = [s[:, going] for s in (*steps, step)], ahead.take(going)
+            steps, station = [s.take(going, axis=1) for s in (*steps, step)], ahead.take(going)
         rows, z = (np.concatenate(parts, axis=-1) for parts in zip((rows, z), *aside, strict=True))
         if not rows.size or rows.size > max(_FEW, _SHARE * len(whole.points)):
             return

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.orbit import FINE, NEAR, SHIFT, Accuracy, Orbit, Sweep, bridge_power_W
+from sim.stacking import own_rows
 from sim.waveform import Circuit
 
 Array = NDArray[np.float64]
@@ -79,13 +80,14 @@ class _Response:
             power[: k + 1] += there[k, : k + 1] * share[k]
         view = sweep.view
         assert view is not None
-        within = np.take_along_axis(passed.reshape(5 * each, -1), view.piece, axis=0)
+        (within,) = own_rows(view.piece, passed.reshape(5 * each, -1))
         at_edges = np.take_along_axis(there, view.stretch[:, None], axis=0) * within[:, None]
         order = np.concatenate([np.zeros_like(steps.rank[:1]), steps.rank + 1])
+        at_end, power = own_rows(order, there[4] * kept[4], power)
         return cls(
             at_edges=np.take_along_axis(np.swapaxes(at_edges, 0, 1), order[:, None], axis=0),
-            at_end=np.take_along_axis(there[4] * kept[4], order, axis=0),
-            power_W=np.take_along_axis(power, order, axis=0),
+            at_end=at_end,
+            power_W=power,
         )
 
 
@@ -105,7 +107,7 @@ def jacobian(circuit: Circuit, sweep: Sweep, *, regulated: bool) -> Array:
         matrix[5, 5] = 1.0
         return matrix
     each = sweep.pieces.current_A.shape[0] // 5
-    current = np.take_along_axis(sweep.pieces.current_A[each::each], steps.rank, axis=0)
+    (current,) = own_rows(steps.rank, sweep.pieces.current_A[each::each])
     matrix[0, 5] = response.at_end[3] + response.at_end[4]
     matrix[5, :5] = response.power_W
     matrix[5, 1:5] -= SHIFT * steps.jump_V * current
@@ -154,10 +156,10 @@ class _Work:
         """What is left, in arrays of its own."""
         left = np.flatnonzero(self.busy())
         return _Work(
-            rows=self.rows[left], circuit=self.circuit.take(left), edges=self.edges[:, left],
+            rows=self.rows[left], circuit=self.circuit.take(left), edges=self.edges.take(left, axis=1),
             demand=None if self.demand is None else self.demand.take(left), accuracy=self.accuracy,
-            state=self.state[:, left], trust=self.trust[left], last=self.last[left], best=self.best[left],
-            idle=self.idle[left], off=self.off[:, left], done=self.done[left],
+            state=self.state.take(left, axis=1), trust=self.trust[left], last=self.last[left], best=self.best[left],
+            idle=self.idle[left], off=self.off.take(left, axis=1), done=self.done[left],
         )  # fmt: skip
 
     def judge(self, sweep: Sweep) -> None:

@@ -48,7 +48,7 @@ class Orbit:
 
     def start_of(self, chosen: NDArray[np.intp]) -> Self:
         """Start current and delays at some points, enough to start from again."""
-        return replace(self, start_A=self.start_A[chosen], delay=self.delay[:, chosen])
+        return replace(self, start_A=self.start_A[chosen], delay=self.delay.take(chosen, axis=1))
 
     def among(self, size: int, rows: NDArray[np.intp]) -> "Orbit":
         """This orbit as some points of so many; of the others nothing is known."""

@@ -130,17 +130,28 @@ def regulate(
     else:
         met = np.zeros(way.size, dtype=bool)
         state[:, asked], part, met[asked] = settle(
-            circuit.take(asked), edges[:, asked], state[:, asked], demand.take(asked), accuracy=accuracy
+            circuit.take(asked),
+            edges.take(asked, axis=1),
+            state.take(asked, axis=1),
+            demand.take(asked),
+            accuracy=accuracy,
         )
         orbit = part.among(way.size, asked)
     met[_falling(circuit, edges, state, target_W, among=met)] = False
     again = np.flatnonzero(~met)
     if again.size:
-        search = _Bracketed.of(circuit.take(again), edges[:, again], way[again], state[:, again], accuracy)
+        search = _Bracketed.of(
+            circuit.take(again), edges.take(again, axis=1), way[again], state.take(again, axis=1), accuracy
+        )
         found = search.solve(way[again] * target_W[again])
         found_state, met[again], limit[again], most_W[again] = found
         state[:, again], part, _ = settle(
-            circuit.take(again), edges[:, again], found_state, None, accuracy=accuracy, rounds=_POLISH
+            circuit.take(again),
+            edges.take(again, axis=1),
+            found_state,
+            None,
+            accuracy=accuracy,
+            rounds=_POLISH,
         )
         orbit = orbit.renewed(again, part)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
@@ -153,9 +164,11 @@ def _falling(
     doubtful = np.flatnonzero(among & (np.abs(state[5]) > _MAY_FALL))
     if not doubtful.size:
         return doubtful
-    before = state[:, doubtful]
+    before = state.take(doubtful, axis=1)
     before[5] -= np.copysign(_BACK, before[5])
-    _, orbit, _ = settle(circuit.take(doubtful), edges[:, doubtful], before, None, rounds=_BACK_ROUNDS)
+    _, orbit, _ = settle(
+        circuit.take(doubtful), edges.take(doubtful, axis=1), before, None, rounds=_BACK_ROUNDS
+    )
     return doubtful[np.abs(orbit.output_power_W()) > np.abs(target_W[doubtful])]
 
 
@@ -204,7 +217,7 @@ class _Bracketed:
     def power(self, phase: Array, chosen: NDArray[np.intp]) -> Array:
         """Power at a phase for some of the points; keeps the orbit as their next start."""
         orbit = self._orbit(phase, chosen)
-        edges = self.edges[:, chosen] + SHIFT * (self.way[chosen] * phase)
+        edges = self.edges.take(chosen, axis=1) + SHIFT * (self.way[chosen] * phase)
         self._keep(chosen, edges, np.concatenate([orbit.start_A[None], orbit.delay]))
         return np.asarray(self.way[chosen] * orbit.output_power_W())
 
@@ -223,7 +236,10 @@ class _Bracketed:
     def _guess(self, phase: Array, chosen: NDArray[np.intp]) -> tuple[Circuit, Array, Array]:
         """Circuit, edges and first state (6, M) of some of the points at a phase."""
         circuit = self.circuit.take(chosen)
-        edges, delay = self.edges[:, chosen] + SHIFT * (self.way[chosen] * phase), self.delay[:, chosen]
+        edges, delay = (
+            self.edges.take(chosen, axis=1) + SHIFT * (self.way[chosen] * phase),
+            self.delay.take(chosen, axis=1),
+        )
         start_A = lossless_start_A(circuit, edges + delay) + self.excess_A[chosen]
         return circuit, edges, np.concatenate([start_A[None], delay, np.zeros((1, phase.size))])
 
@@ -263,7 +279,7 @@ class _Bracketed:
         ends = np.sort(np.stack([way * search.low[busy], way * search.high[busy]]), axis=0)
         demand = Demand(power_W=way * search.goal_W[busy], lowest=ends[0], highest=ends[1])
         state, _, met = settle(
-            circuit, self.edges[:, busy], state, demand, accuracy=self.accuracy, rounds=_TRIES
+            circuit, self.edges.take(busy, axis=1), state, demand, accuracy=self.accuracy, rounds=_TRIES
         )
         search.phase[busy[met]] = way[met] * state[5, met]
         search.reached[busy[met]] = True
@@ -284,7 +300,7 @@ class _Bracketed:
 
         The first one is wide because a leg that turns from hard to soft near the peak can give it a second summit.
         """
-        edges, way = self.edges[:, points], self.way[points]
+        edges, way = self.edges.take(points, axis=1), self.way[points]
         most = np.abs(power_share(edges + SHIFT * (0.5 * way))[0])
         lowest = phase_for_share(_HIGH * most, edges, way)
         centre, width = 0.5 * (lowest + _FURTHEST), 0.5 * (_FURTHEST - lowest)

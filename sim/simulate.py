@@ -64,7 +64,7 @@ class Result:
             reason=self.reason[chosen],
             values={name: value[chosen] for name, value in self.values.items()},
             seed=None if self.seed is None else self.seed.take(chosen),
-            state=self.state[:, chosen] if self.state.size else self.state,
+            state=self.state.take(chosen, axis=1) if self.state.size else self.state,
         )
 
     def columns(self) -> dict[str, NDArray[np.generic]]:
@@ -273,7 +273,7 @@ class _Table:
         at, open_ = points.take(rows), np.ones(rows.size, dtype=bool)
         station = station_of(pick(converter, rows), at, seed.start.take(place))
         if seed.ahead is not None:
-            station = started(station, seed.ahead[:, rows])
+            station = started(station, seed.ahead.take(rows, axis=1))
         for found in approach(station, seed.response, place):
             self.put(rows[found.rows], found.columns, found.why)
             self.states[:, rows[found.rows]] = found.unknowns

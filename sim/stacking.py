@@ -5,6 +5,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.parameters import Converter, ParameterError
 
@@ -56,6 +57,19 @@ def pick(parameters: T, chosen: np.ndarray[Any, Any]) -> T:
         elif isinstance(value, dict) and any(isinstance(v, np.ndarray) for v in value.values()):
             changed[field.name] = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in value.items()}
     return _with(parameters, changed) if changed else parameters
+
+
+def own_rows(rows: NDArray[np.intp], *values: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Of each point (last axis) the entries in its own rows (k, N) of arrays (m, N).
+
+    That is ``np.take_along_axis``, which takes twice as long for each of several arrays.
+
+    >>> rows = np.array([[0, 1]])
+    >>> own_rows(rows, np.array([[1, 2], [3, 4]]))[0].tolist()
+    [[1, 4]]
+    """
+    places = rows * rows.shape[-1] + np.arange(rows.shape[-1])
+    return tuple(value.take(places) for value in values)
 
 
 def put(whole: Any, rows: np.ndarray[Any, Any], part: Any) -> None:

@@ -143,7 +143,7 @@ class Station:
         return Station(
             converter=pick(self.converter, chosen),
             points=self.points.take(chosen),
-            edges=self.edges[:, chosen],
+            edges=self.edges.take(chosen, axis=1),
             swings=self.swings.take(chosen),
             slow=pick(self.slow, chosen),
             warm=None if self.warm is None else self.warm.take(chosen),

@@ -57,7 +57,7 @@ def periodic(
     open_ = np.flatnonzero(~orbit.closed)
     if not open_.size:
         return orbit
-    state[:, open_] = _anderson(circuit.take(open_), edges[:, open_], guess[:, open_])
+    state[:, open_] = _anderson(circuit.take(open_), edges.take(open_, axis=1), guess.take(open_, axis=1))
     return half_period(circuit, edges, state)[0]
 
 

@@ -248,7 +248,7 @@ class _Together:
 
     def take(self, chosen: Index) -> "_Together":
         """Some of the groups."""
-        own = {name: value[..., chosen] for name, value in vars(self).items() if name != "meeting"}
+        own = {name: value.take(chosen, axis=-1) for name, value in vars(self).items() if name != "meeting"}
         return _Together(meeting=self.meeting.take(chosen), **own)
 
     @property

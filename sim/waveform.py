@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from sim.decay import decay_integral
 from sim.pieces import Pieces
+from sim.stacking import own_rows
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,9 @@ class Circuit:
         shared = {"curves", "bends_A"} | ({"relative_L"} if self.bends_A.size == 0 else set())
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in shared}
         of_points = {
-            name: value[..., chosen] for name, value in values.items() if isinstance(value, np.ndarray)
+            name: value.take(chosen, axis=-1)
+            for name, value in values.items()
+            if isinstance(value, np.ndarray)
         }
         return replace(self, **of_points)
 
@@ -100,10 +103,10 @@ class Steps:
         np.put_along_axis(order, rank, np.broadcast_to(np.arange(4)[:, None], rank.shape), axis=0)
         level = half * after
         jump = 2.0 * level
-        ordered = np.take_along_axis(jump, order, axis=0)
+        ordered, places = own_rows(order, jump, place)
         of_secondary = order >= 2
         zero = np.zeros_like(place[:1])
-        times = np.concatenate([zero, np.take_along_axis(place, order, axis=0), zero + 1.0])
+        times = np.concatenate([zero, places, zero + 1.0])
 
         def staircase(first: Array, steps: Array) -> Array:
             return np.concatenate([-first[None], np.cumsum(steps, axis=0) - first])
