@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from bench.bands import Band, power_bands, residual_channels, shown_range
-from bench.wording import MODEL_NAMES, unit_of
+from bench.wording import MODEL_NAMES, difference_unit
 
 OKABE_ITO = {
     "blue": "#0072B2",
@@ -60,7 +60,7 @@ def efficiency_maps(simulation: pd.DataFrame, measurements: pd.DataFrame) -> go.
     figure.update_xaxes(range=[-0.02, 1.02])
     figure.update_yaxes(range=[-0.02, 1.02])
     for column in range(1, len(bands) + 1):
-        figure.update_xaxes(title_text="D1 (units of the half period)", row=3, col=column)
+        figure.update_xaxes(title_text="D1 (half periods)", row=3, col=column)
     for row in (1, 2, 3):
         figure.update_yaxes(title_text="D2 (half periods)", row=row, col=1)
     bar = {"thickness": 14, "yanchor": "middle"}
@@ -174,7 +174,7 @@ def channel_residuals(measurements: pd.DataFrame) -> go.Figure | None:
     )
     for number, (channel, residual) in enumerate(channels.items()):
         row, column = number // columns + 1, number % columns + 1
-        unit = "points" if channel == "efficiency" else unit_of(channel) or "half periods"
+        unit = difference_unit(channel)
         scale = 100.0 if channel == "efficiency" else 1.0
         figure.add_trace(
             go.Scatter(

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from bench.charts import DIFFERENCE, MARGIN, OKABE_ITO
-from bench.wording import effect_name, unit_of
+from bench.wording import difference_unit, effect_name
 
 _COLUMNS = 4
 _QUANTILE = 0.98  # of the absolute residuals: what the colours of a map span
@@ -66,13 +66,13 @@ def _map(rows: pd.DataFrame, column: str, channel: str, span: float) -> go.Scatt
         },
         customdata=np.stack([rows["P2_W"], rows[column]], axis=1),
         hovertemplate="D1 %{x:.3f}, D2 %{y:.3f}, %{customdata[0]:.0f} W<br>%{customdata[1]:.4g} "
-        + (unit_of(channel) or "half periods")
+        + difference_unit(channel)
         + "<extra></extra>",
     )  # fmt: skip
 
 
 def _amount(value: float, channel: str) -> str:
-    return f"{value:.2g} {unit_of(channel) or 'half periods'}"
+    return f"{value:.2g} {difference_unit(channel)}"
 
 
 def residual_over_time(residuals: pd.DataFrame) -> go.Figure | None:

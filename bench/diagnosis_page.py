@@ -10,8 +10,8 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from bench import charts, diagnosis_charts
-from bench.report import diagnosis_actions, environment
-from bench.wording import counted, effect_name, points_text, size_text, unit_of, verdict_text
+from bench.report import diagnosis_actions, environment, rows_left_out
+from bench.wording import counted, difference_unit, effect_name, points_text, size_text, verdict_text
 from sim.effects.catalogue import effect
 
 _KURTOSIS, _AUTOCORRELATION = 1.5, 0.3  # above which the noise is said to have tails, or a memory
@@ -52,11 +52,10 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
 def tiles(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers: (what, value, remark)."""
     gap, gain = diagnosis["gap"], diagnosis.get("gain")
-    worst, rejected = gap["worst"], len({row["row"] for row in diagnosis["rejected_rows"]})
+    worst, left_out = gap["worst"], rows_left_out(diagnosis)
     where = f"at D1 {worst['D1']:.3f}, D2 {worst['D2']:.3f}, {worst['P2_W']:.0f} W: {worst['loss_W']:+.2f} W"
-    used = f"all or some readings of {counted(rejected, 'row')} left out" if rejected else "all used"
     out = [
-        ("Points", str(diagnosis["points"]), used),
+        ("Points", str(diagnosis["points"]), left_out or "all used"),
         (
             "Gap",
             f"{points_text(gap['mean_abs_efficiency'])} points",
@@ -77,7 +76,7 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         sigma = (
             f"{100 * n['sigma']:.3g} % of reading"
             if n["relative"]
-            else f"{n['sigma']:.3g} {_deviation(channel)}".strip()
+            else f"{n['sigma']:.3g} {difference_unit(channel)}"
         )
         count = int(n["from_replicates"])
         source = f"{counted(count, 'difference')} of replicates" if count else "assumed: no replicates"
@@ -105,11 +104,6 @@ def _seen_from(name: str, smallest: float | None) -> str:
     if smallest is None or max(head.upper - head.off, head.off - head.lower) < smallest:
         return "at no size"
     return f"from {size_text(head.name, smallest)}"
-
-
-def _deviation(channel: str) -> str:
-    """The unit of a difference in a channel; empty for a dimensionless one."""
-    return unit_of(channel).replace("°C", "K")
 
 
 def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:

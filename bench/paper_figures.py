@@ -18,7 +18,7 @@ from bench.bands import loaded_rows, power_bands, residual_channels, shown_range
 from bench.charts import OKABE_ITO, STAGES, gain_rows, loss_parts
 from bench.figures import DIVERGING
 from bench.report import ReportData
-from bench.wording import MODEL_NAMES, unit_of
+from bench.wording import MODEL_NAMES, difference_unit
 
 MM = 1 / 25.4  # inches
 ONE_COLUMN, TWO_COLUMNS = 88 * MM, 181 * MM
@@ -139,7 +139,7 @@ def channel_residuals(data: ReportData) -> Figure | None:
     figure, axes = _grid(lines, columns, TWO_COLUMNS, 45 * lines * MM)
     flat = [one for row in axes for one in row]
     for one, (channel, residual) in zip(flat, channels.items(), strict=False):
-        unit = "points" if channel == "efficiency" else unit_of(channel) or "half periods"
+        unit = difference_unit(channel)
         value = (100.0 if channel == "efficiency" else 1.0) * residual
         drawn = one.scatter(rows["P2_W"], value, c=rows["D1"], cmap="viridis", vmin=0, vmax=1, s=6)
         one.set_title(channel, fontsize=8)

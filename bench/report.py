@@ -135,6 +135,12 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     return todo
 
 
+def rows_left_out(diagnosis: Mapping[str, Any]) -> str:
+    """How many rows a diagnosis did not use, or not all of; empty where it used all."""
+    rows = {row["row"] for row in diagnosis.get("rejected_rows") or ()}
+    return f"all or some readings of {counted(len(rows), 'row')} not used by the diagnosis" if rows else ""
+
+
 def tiles(data: ReportData) -> list[tuple[str, str, str]]:
     """Key numbers: (what, value, remark)."""
     summary, gap, gain = data.summary, data.diagnosis.get("gap") or {}, data.diagnosis.get("gain") or {}
@@ -143,7 +149,7 @@ def tiles(data: ReportData) -> list[tuple[str, str, str]]:
         (
             "Measured points",
             f"{summary.get('points', len(rows))}",
-            f"{counted(len({row['row'] for row in data.diagnosis.get('rejected_rows') or ()}), 'row')} rejected",
+            rows_left_out(data.diagnosis) or "all used by the diagnosis",
         )
     ]
     if summary.get("sim_points"):

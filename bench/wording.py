@@ -97,6 +97,15 @@ def unit_of(column: str) -> str:
     return next((text for end, text in _UNITS.items() if column.endswith("_" + end)), "")
 
 
+def difference_unit(column: str) -> str:
+    """The unit of a difference in a column: K of temperatures, half periods of what has no unit.
+
+    >>> difference_unit("T_heatsink_C"), difference_unit("I_L_rms_A"), difference_unit("D0")
+    ('K', 'A', 'half periods')
+    """
+    return "points" if column == "efficiency" else unit_of(column).replace("°C", "K") or "half periods"
+
+
 def parameter_text(parameter: Mapping[str, Any]) -> str:
     """A fitted parameter with its unit and 95 % interval.
 

@@ -91,6 +91,13 @@ def test_a_channel_without_residuals_has_no_panel(page: DiagnosisPage) -> None:
     assert len(figure.data) == 1
 
 
+def test_a_difference_of_temperatures_is_in_kelvin(page: DiagnosisPage) -> None:
+    warmer = page.residuals.assign(residual_T_heatsink_C=2.0)
+    figure = residual_maps(warmer)
+    assert figure is not None
+    assert [note.text for note in figure.layout.annotations][-1] == "T_heatsink_C: ±2 K"
+
+
 def test_tables_say_what_stands_behind_them() -> None:
     assert noise_rows(ANSWER) == [("efficiency", "0.02 % of reading", "assumed: no replicates", "–")]
     assert unseen(ANSWER) == [("fan step", "from 12 W")]
