@@ -68,5 +68,5 @@ def result(_: Settings | None = None) -> Result:
 
 
 ENTRY = Entry(
-    name="made_up", about="One line.\n\nAnd a paragraph.", experiment=Experiment(title="T", run=result)
+    name="made_up", about="One line.\n\nAnd ``a <paragraph>``.", experiment=Experiment(title="T", run=result)
 )

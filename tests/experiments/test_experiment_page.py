@@ -73,6 +73,7 @@ def test_the_page_shows_the_miss_the_lab_and_escaped_text() -> None:
     assert '<td class="missed">missed</td>' in html
     assert "VIRTUAL LAB" in html
     assert "grid &lt;1&gt;" in html
+    assert "<p>And <code>a &lt;paragraph&gt;</code>.</p>" in html
     assert "thinned to 0.1 of all" in html
 
 
