@@ -55,11 +55,13 @@ class Settings:
 
 
 class Countdown:
-    """Counts what is done and tells the time left; what was there before the start sets no pace."""
+    """Tells that it begins, counts what is done, tells the time left; what was there before sets no pace."""
 
     def __init__(self, total: int, settings: Settings, *, before: int = 0) -> None:
         self._total, self._done, self._before = total, before, before
         self._watch, self._now, self._start_s = settings.watch, settings.now, settings.now()
+        kept = f", {before} kept from before" if before else ""
+        self._watch(Step(done=before, total=total, said=f"begun{kept}"))
 
     def finished(self, said: str) -> None:
         """One more is done."""

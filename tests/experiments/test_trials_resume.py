@@ -94,7 +94,8 @@ def test_progress_counts_what_was_there_but_takes_no_pace_from_it(tmp_path: Path
     clock = iter([100.0, 103.0, 106.0])
     settings = Settings(out=tmp_path, processes=1, watch=steps.append, now=lambda: next(clock))
     perform(square, [Square(n) for n in (1, 2, 3, 4)], journal(tmp_path), settings)
-    assert [(s.done, s.total, s.left_s) for s in steps] == [(3, 4, 3.0), (4, 4, 0.0)]
+    assert [(s.done, s.total, s.left_s) for s in steps] == [(2, 4, None), (3, 4, 3.0), (4, 4, 0.0)]
+    assert steps[0].said == "begun, 2 kept from before"
 
 
 def test_processes_of_their_own_use_one_thread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
