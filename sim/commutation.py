@@ -121,16 +121,8 @@ class Drops:
 
     def at(self, position: Array) -> tuple[Array, Array]:
         """What is taken times the sign of i, and whatever that is, (K,), at the legs' positions (m, K)."""
-        level = self.level + _sum(self.per_leg * position)
+        level = self.level + np.einsum("lK,lK->K", self.per_leg, position)
         return self.zero + np.abs(level) * self.even, level * self.odd
-
-
-def _sum(values: Array) -> Array:
-    """Over the first axis."""
-    total: Array = values[0]
-    for one in values[1:]:
-        total = total + one
-    return total
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,10 +159,7 @@ class Meeting:
 
     def driven(self, position: Array) -> Array:
         """dx/dt (m, K) with the legs at positions from -1 to 1, without drops."""
-        slope = self.outside_A_per_s.copy()
-        for leg, at in enumerate(position):
-            slope += self.coupling_A_per_s[:, leg] * at
-        return slope
+        return np.asarray(self.outside_A_per_s + np.einsum("klK,lK->kK", self.coupling_A_per_s, position))
 
     def dropped(self, position: Array) -> tuple[Array, Array]:
         """What drops take of it times the sign of the link current, and whatever that is, (K,)."""

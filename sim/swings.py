@@ -210,8 +210,9 @@ class _Together:
     """K groups of m legs that meet, half way through their dead times, arrays (m, K).
 
     ``starts_s`` and ``steps_s`` (S, K) are the graded steps of every leg, in order, ``begun`` and ``moving`` (S, m, K)
-    tell in which a leg has opened, and not closed yet; ``integral`` is that of the curve so far; ``opened_A`` and
-    ``closed_A`` are x where the dead time begins and ends, ``last`` the position there.
+    tell in which a leg has opened, and not closed yet, ``all_begun`` and ``all_moving`` where each leg has;
+    ``integral`` is that of the curve so far; ``opened_A`` and ``closed_A`` are x where the dead time begins and ends,
+    ``last`` the position there.
     """
 
     x: Array
@@ -228,6 +229,8 @@ class _Together:
     steps_s: Array
     begun: NDArray[np.bool_]
     moving: NDArray[np.bool_]
+    all_begun: list[bool]
+    all_moving: list[bool]
     closes_s: Array
     per_charge: Array
     meeting: Meeting
@@ -239,17 +242,21 @@ class _Together:
         starts_s, steps_s = _steps_of_all(meeting)
         closes_s, middle = meeting.opens_s + meeting.dead_time_s, (starts_s + 0.5 * steps_s)[:, None]
         begun = middle > meeting.opens_s
+        moving = begun & (middle <= closes_s)
         return cls(
             x=x, q=zero, u=zero - 1.0, integral=zero, reached=zero, opposite=zero, over=zero,
             opened_A=x, closed_A=x, last=x, starts_s=starts_s, steps_s=steps_s,
-            begun=begun, moving=begun & (middle <= closes_s), closes_s=closes_s,
+            begun=begun, moving=moving, all_begun=np.all(begun, axis=(1, 2)).tolist(),
+            all_moving=np.all(moving, axis=(1, 2)).tolist(), closes_s=closes_s,
             per_charge=meeting.per_charge(), meeting=meeting,
         )  # fmt: skip
 
     def take(self, chosen: Index) -> "_Together":
         """Some of the groups."""
-        own = {name: value.take(chosen, axis=-1) for name, value in vars(self).items() if name != "meeting"}
-        return _Together(meeting=self.meeting.take(chosen), **own)
+        own = {n: v.take(chosen, axis=-1) for n, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return _Together(
+            meeting=self.meeting.take(chosen), all_begun=self.all_begun, all_moving=self.all_moving, **own
+        )
 
     @property
     def steps(self) -> int:
@@ -287,7 +294,7 @@ class _Together:
     def step(self, curves: Curves, k: int) -> None:
         """One step; in it no leg opens or closes."""
         meeting, h, begun, moving = self.meeting, self.steps_s[k], self.begun[k], self.moving[k]
-        q, u, all_moving, all_begun = self.q, self.u, bool(np.all(moving)), bool(np.all(begun))
+        q, u, all_moving = self.q, self.u, self.all_moving[k]
         if not all_moving:  # what has closed is at the new rail
             done = begun & ~moving
             q, u = np.where(done, FULL, q), np.where(done, 1.0, u)
@@ -304,7 +311,7 @@ class _Together:
         self.opposite = self.opposite + np.maximum(beyond, 0.0)
         self.reached = self.reached + own_h * (0.5 + 0.5 * mean)
         self.x = self.x + h * (meeting.driven(mean) - taken)
-        if not all_begun:
+        if not self.all_begun[k]:
             self.opened_A = np.where(begun, self.opened_A, self.x)
         self.closed_A = self.x if all_moving else np.where(moving, self.x, self.closed_A)
         self.last = u if all_moving else np.where(moving, u, self.last)
