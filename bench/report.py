@@ -32,7 +32,7 @@ from bench.wording import (
 )
 
 _SWITCH_OFF = "Switch the bench off by hand and check it: power-off was not confirmed."
-AGREES = "Nothing needs changing: the tolerances of parts and instruments explain what the simulation misses."
+AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
 STEPS_SHOWN = 3  # of what to measure next, among what to do
 ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
 OPTIMUM = ["P_W", "D1", "D2", "predicted", "measured"]
@@ -125,13 +125,13 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
         minutes = f" (about {step['minutes']:.3g} min)" if step.get("minutes") is not None else ""
         repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
         todo.append(
-            f"Measure next: {action_text(str(step['action']))}{repeats}{minutes}"
+            f"Measure next: {action_text(str(step['action'])).removeprefix('measure ')}{repeats}{minutes}"
             + (f", to settle {told}." if told else ".")
         )
     if diagnosis.get("model") and diagnosis.get("verdict") == "named":
         todo.append(f"Simulate with the extended model from now on: {diagnosis['model']}.")
     if diagnosis.get("verdict") == "consistent":
-        todo.insert(0, f"{AGREES} What follows would make that surer." if todo else AGREES)
+        todo.insert(0, f"{AGREES} What follows would make sure." if todo else AGREES)
     return todo
 
 

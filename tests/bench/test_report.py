@@ -157,9 +157,12 @@ def test_actions_follow_the_verdict(data):
     tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": []}))
     assert tied == ["Check link resistance: measure the ac link with four wires."]
     assert "Nothing needs changing" in actions(replace(data, diagnosis=MINIMAL))[0]
+    step = {"action": "measure D1 = 0.7, D2 = 0.2, 500 W", "separates": ["dead_time"], "minutes": 4.0}
+    asked = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": [step]}))
+    assert asked[-1] == "Measure next: D1 = 0.7, D2 = 0.2, 500 W (about 4 min), to settle dead time."
     agreed = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "consistent"}))
     assert agreed[0].startswith("Nothing needs changing")
-    assert agreed[0].endswith("What follows would make that surer.")
+    assert agreed[0].endswith("What follows would make sure.")
     assert len(agreed) == 3
 
 
