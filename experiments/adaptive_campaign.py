@@ -19,6 +19,7 @@ import drivers.mocks.lab
 import experiments.adaptive
 import models
 import sim
+from bench.wording import counted
 from experiments.adaptive.race import ADAPTIVE, ALL, AT_ONCE, MOST, POWERS, RANDOM, Race, run_race
 from experiments.blind.draws import TIED_PAIRS
 from experiments.blind.reach import hideable
@@ -80,9 +81,10 @@ def compared(done: Sequence[tuple[Race, Record]]) -> Result:
     both = np.isfinite(minutes).all(axis=1)
     ratio = float(np.median(minutes[both, 0] / minutes[both, 1])) if both.any() else np.nan
     missed = np.sum(~np.isfinite(minutes), axis=0)
+    labs = counted(int(both.sum()), "lab")
     goals = (
         Goal(
-            name=f"bench minutes to the right verdict, adaptive over random, median of {both.sum()} labs",
+            name=f"bench minutes to the right verdict, adaptive over random, median of {labs}",
             value=ratio, bar=1.0, at_least=False,
         ),
         Goal(
@@ -92,7 +94,7 @@ def compared(done: Sequence[tuple[Race, Record]]) -> Result:
     )  # fmt: skip
     waits = [m["cpu_s"] for race, r in done for m in r["moments"] if race.plan == ADAPTIVE]
     notes = (
-        f"{len(pairs)} labs, seeds {FIRST_SEED} to {FIRST_SEED + len(pairs) - 1}: they belong to tuning",
+        f"{counted(len(pairs), 'lab')}, seeds {FIRST_SEED} to {FIRST_SEED + len(pairs) - 1}: they belong to tuning",
         f"at most {MOST} rows a campaign; a look every {AT_ONCE} rows",
         f"a choice took {np.median(waits):.1f} s of processor time in the median, {max(waits):.1f} s at most; the "
         "minutes do not hold it",

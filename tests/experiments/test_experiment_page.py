@@ -75,6 +75,7 @@ def test_the_page_shows_the_miss_the_lab_and_escaped_text() -> None:
     assert "grid &lt;1&gt;" in html
     assert "<p>And <code>a &lt;paragraph&gt;</code>.</p>" in html
     assert "thinned to 0.1 of all" in html
+    assert "th { color: var(--soft); }" in html  # long headings wrap: a wide table fits on paper
 
 
 def test_a_scale_outside_its_range_is_refused() -> None:
