@@ -61,7 +61,8 @@ def set_up(
     best = bench.settled(first)
     if (steadier := _steadier(observations, noise, first)) is not None:
         best = max(best, bench.settled(steadier), key=lambda settled: settled.log_evidence)
-    bench, best = _narrowed(bench, best)
+    if len(observations.channels) == 1:
+        bench, best = _narrowed(bench, best)
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
     near, lines = known.start(observations, baseline)
     geometry = found.refinery.geometry
@@ -88,7 +89,8 @@ def _everyday(signature: Signature, known: Signatures, geometry: Geometry) -> fl
 def _narrowed(bench: "_Bench", best: "_Settled") -> tuple["_Bench", "_Settled"]:
     """The same with laws of the simulation that are doubted less, where the readings are likelier so.
 
-    What laws are wrong by would then be a leftover: with one, they are not as good as that.
+    What laws are wrong by would then be a leftover: with one, they are not as good as that. Only efficiency alone asks
+    for it: other channels see what there is as it is, and they see what parts far off do together.
     """
     known = bench.known.doubted(bench.observations, _NARROWER)
     narrower = replace(bench, known=known, noiseless=noiseless_covariance(bench.observations, known))

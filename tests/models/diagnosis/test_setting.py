@@ -47,6 +47,11 @@ def test_where_readings_agree_with_the_simulation_its_laws_are_doubted_less(
     assert setting(observations, known).refinery.known.doubt < 1.0
 
 
+def test_where_other_channels_tell_too_laws_stay_doubted_as_they_are() -> None:
+    seen = observe(simulated_campaign(Model.baseline(), seed=1, count=40), prototype())
+    assert setting(seen, signatures(seen, Model.baseline())).refinery.known.doubt == 1.0
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_laws_that_are_wrong_by_what_they_may_be_stay_doubted(
     observations: Observations, known: Signatures, seed: int
