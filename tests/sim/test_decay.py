@@ -38,4 +38,4 @@ def test_it_is_the_integral_down_to_nothing(name: str) -> None:
 def test_a_mixed_array_is_as_its_elements(name: str) -> None:
     function, _ = FORMS[name]
     alone = np.concatenate([function(X[k : k + 1]) for k in range(X.size)])
-    np.testing.assert_allclose(function(X), alone, rtol=1e-15)
+    np.testing.assert_allclose(function(X), alone, rtol=1e-15)  # the last digit

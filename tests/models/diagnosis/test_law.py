@@ -49,7 +49,8 @@ def test_a_values_uncertainty_is_at_least_what_its_law_and_its_part_are_worth() 
     law = term.signature.entry.law
     spread = replace(term, signature=replace(term.signature, everyday=0.002))
     assert spread.uncertainty == pytest.approx(
-        np.sqrt(term.sigma**2 + 0.002**2 + (law * term.value) ** 2), rel=1e-12
+        np.sqrt(term.sigma**2 + 0.002**2 + (law * term.value) ** 2),
+        rel=1e-12,  # rounding
     )
     assert term.sigma > 2 * named(WRONG - 0.1 * GROWING * BENT, 0.0).terms[0].sigma
 

@@ -42,17 +42,19 @@ def test_whitener_solves_as_numpy_does(covariance: Covariance | np.ndarray) -> N
 def test_whitener_knows_the_log_determinant(covariance: Covariance | np.ndarray) -> None:
     sign, expected = np.linalg.slogdet(written_out(PARTS))
     assert sign == 1
-    assert Whitener.of(covariance).log_determinant == pytest.approx(expected, rel=1e-12)
+    assert Whitener.of(covariance).log_determinant == pytest.approx(expected, rel=1e-12)  # rounding
 
 
 def test_a_covariance_times_a_vector_is_that_of_the_matrix() -> None:
-    np.testing.assert_allclose(PARTS.times(RIGHT[:, 0]), written_out(PARTS) @ RIGHT[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(
+        PARTS.times(RIGHT[:, 0]), written_out(PARTS) @ RIGHT[:, 0], rtol=1e-12
+    )  # rounding
 
 
 def test_some_readings_keep_their_covariance() -> None:
     chosen = np.array([1, 4, 5, 9])
     expected = written_out(PARTS)[np.ix_(chosen, chosen)]
-    np.testing.assert_allclose(written_out(PARTS.take(chosen)), expected, rtol=1e-12)
+    np.testing.assert_allclose(written_out(PARTS.take(chosen)), expected, rtol=1e-12)  # rounding
 
 
 def test_directions_beside_add_their_square() -> None:
@@ -60,11 +62,13 @@ def test_directions_beside_add_their_square() -> None:
     whole = written_out(PARTS) + more.T @ more
     wider = Whitener.of(PARTS).beside(more)
     np.testing.assert_allclose(wider.solve(RIGHT), np.linalg.solve(whole, RIGHT), rtol=1e-9)  # as above
-    assert wider.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1], rel=1e-12)
+    assert wider.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1], rel=1e-12)  # rounding
 
 
 def test_noise_is_on_the_diagonal() -> None:
     variance = RNG.uniform(1.0, 2.0, READINGS)
     np.testing.assert_allclose(
-        written_out(PARTS.noisier(variance)), written_out(PARTS) + np.diag(variance), rtol=1e-12
+        written_out(PARTS.noisier(variance)),
+        written_out(PARTS) + np.diag(variance),
+        rtol=1e-12,  # rounding
     )
