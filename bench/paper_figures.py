@@ -56,7 +56,7 @@ def efficiency_maps(data: ReportData) -> Figure | None:
     low, high = (100 * value for value in shown_range(data.simulation, data.measurements))
     residuals = np.concatenate([band.residual_points.abs().to_numpy() for band in bands])
     spread = float(np.nanquantile(residuals, 0.98)) if np.isfinite(residuals).any() else 1.0
-    figure, axes = _grid(3, len(bands), TWO_COLUMNS, 150 * MM)
+    figure, axes = panels(3, len(bands), TWO_COLUMNS, 150 * MM)
     last: dict[str, ScalarMappable] = {}
     for column, band in enumerate(bands):
         table = band.simulated.pivot_table(index="D2", columns="D1", values="efficiency", dropna=False)
@@ -112,7 +112,7 @@ def optimum_over_load(data: ReportData) -> Figure | None:
     optimum = data.optimum
     if not len(optimum):
         return None
-    figure, axes = _grid(2, 1, ONE_COLUMN, 90 * MM)
+    figure, axes = panels(2, 1, ONE_COLUMN, 90 * MM)
     lines = (
         (0, "D1", "blue", "-o", 1.0), (0, "D2", "orange", "-s", 1.0),
         (1, "predicted", "grey", "--o", 100.0), (1, "measured", "vermillion", "-D", 100.0),
@@ -136,7 +136,7 @@ def channel_residuals(data: ReportData) -> Figure | None:
         return None
     columns = min(3, len(channels))
     lines = -(-len(channels) // columns)
-    figure, axes = _grid(lines, columns, TWO_COLUMNS, 45 * lines * MM)
+    figure, axes = panels(lines, columns, TWO_COLUMNS, 45 * lines * MM)
     flat = [one for row in axes for one in row]
     for one, (channel, residual) in zip(flat, channels.items(), strict=False):
         unit = difference_unit(channel)
@@ -202,11 +202,11 @@ def gain_bars(data: ReportData) -> Figure | None:
 
 
 def _one(width: float, height: float) -> tuple[Figure, Axes]:
-    figure, axes = _grid(1, 1, width, height)
+    figure, axes = panels(1, 1, width, height)
     return figure, axes[0][0]
 
 
-def _grid(rows: int, columns: int, width: float, height: float) -> tuple[Figure, list[list[Axes]]]:
+def panels(rows: int, columns: int, width: float, height: float) -> tuple[Figure, list[list[Axes]]]:
     """A figure of so many inches with axes in the style of all of them."""
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)

@@ -1,12 +1,12 @@
 """The verb netlist: an operating point as a circuit for ngspice."""
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.markup import escape
 
+from bench.commands.options import D1, D2, ModelFile, Power, point_problems
 from bench.commands.streams import out
 from bench.errors import InputError, Problem
 from bench.prediction import model_from
@@ -20,13 +20,11 @@ ENDING = ".cir"
 
 @app.command("netlist")
 def netlist_(
-    D1: Annotated[float, typer.Option("--D1", help="duty ratio of the primary's pulse, 0 to 1")],
-    D2: Annotated[float, typer.Option("--D2", help="inner phase shift of the secondary, 0 to 1")],
-    power_W: Annotated[float, typer.Option("--P", metavar="W", help="output power")],
+    D1: D1,
+    D2: D2,
+    power_W: Power,
     out_file: Annotated[Path, typer.Option("--out", metavar="FILE.cir", help="where to write it")],
-    model_file: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")
-    ] = None,
+    model_file: ModelFile = None,
 ) -> None:
     """Write an operating point as a switch-level circuit; `ngspice -b FILE.cir` runs it and prints what it measures."""
     _check(D1=D1, D2=D2, power_W=power_W, out_file=out_file)
@@ -41,13 +39,7 @@ def netlist_(
 
 def _check(*, D1: float, D2: float, power_W: float, out_file: Path) -> None:
     """InputError with everything that is wrong with the options."""
-    problems = [
-        Problem(file="command line", field=field, value=value, allowed="a number from 0 to 1")
-        for field, value in (("--D1", D1), ("--D2", D2))
-        if not 0 <= value <= 1
-    ]
-    if not math.isfinite(power_W):
-        problems.append(Problem(file="command line", field="--P", value=power_W, allowed="a power in W"))
+    problems = point_problems(D1=D1, D2=D2, power_W=power_W)
     if out_file.suffix != ENDING:
         said = f"the name must end in {ENDING}"
         problems.append(Problem(file="command line", field="--out", value=str(out_file), allowed=said))

@@ -1,12 +1,13 @@
 """Options that several verbs share."""
 
+import math
 import tempfile
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.errors import InputError
+from bench.errors import InputError, Problem
 
 Database = Annotated[
     str | None,
@@ -17,6 +18,10 @@ Folder = Annotated[Path, typer.Option("--models", metavar="DIR", help="where tra
 SimModel = Annotated[
     Path | None, typer.Option("--sim-model", metavar="MODEL.toml", help="simulation model; else the baseline")
 ]
+D1 = Annotated[float, typer.Option("--D1", help="duty ratio of the primary's pulse, 0 to 1")]
+D2 = Annotated[float, typer.Option("--D2", help="inner phase shift of the secondary, 0 to 1")]
+Power = Annotated[float, typer.Option("--P", metavar="W", help="output power")]
+ModelFile = Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")]
 DEFAULT_FOLDER = Path("d2ea-data/models")
 
 
@@ -31,3 +36,15 @@ def check_folder(folder: Path, option: str) -> None:
         why = "a file stands in the way" if in_the_way else error.strerror
         allowed = f"nothing can be written there ({why}); name a folder that you may write to"
         raise InputError.of("command line", option, str(folder), allowed) from error
+
+
+def point_problems(*, D1: float, D2: float, power_W: float) -> list[Problem]:
+    """What is wrong with an operating point that was typed."""
+    problems = [
+        Problem(file="command line", field=field, value=value, allowed="a number from 0 to 1")
+        for field, value in (("--D1", D1), ("--D2", D2))
+        if not 0 <= value <= 1
+    ]
+    if not math.isfinite(power_W):
+        problems.append(Problem(file="command line", field="--P", value=power_W, allowed="a power in W"))
+    return problems

@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bench.commands.options import check_folder
+from bench.commands.options import ModelFile, check_folder
 from bench.commands.streams import err, out
 from bench.errors import InputError
 from bench.prediction import model_from
@@ -38,9 +38,7 @@ def simulate_(
                      "ambient_C or a value of the converter such as inductor.inductance_H; may be repeated"),
     ] = None,
     out_file: Annotated[Path, typer.Option("--out", metavar="FILE.csv|.parquet")] = Path("simulated.csv"),
-    model_file: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")
-    ] = None,
+    model_file: ModelFile = None,
     processes: Annotated[int, typer.Option(min=1, help="side by side: chunks, or the halves of a single one")] = 2,
     dask: Annotated[
         str | None,
