@@ -7,8 +7,8 @@ Between two steps of a bridge the link obeys
 with the drops V0 and R of whatever conducts: the active state with the current along or against the voltage, or the
 zero state. A resistor L / tau beside the inductance carries tau di/dt: the windings' eddy currents, whose resistance
 rises with frequency squared. What leaves the bridges' terminals is i + tau di/dt. Each stretch is solved by its
-exponential, cut where the current crosses zero (a current that the remaining voltage cannot lift over V0 stays there).
-Everything is vectorised over operating points.
+exponential, cut where the current crosses zero (a current that the remaining voltage, that of the magnetizing current
+behind it included, cannot lift over V0 stays there). Everything is vectorised over operating points.
 
 The magnetizing current is a triangle of its own, driven by n vs. Resistance behind it, R', carries the link current
 less the magnetizing one: with rho = R'/R the part y = i - rho i_m is an exponential, and i that and a straight line.
@@ -261,10 +261,10 @@ class _Start:
     ) -> "_Start":
         """From a current; first in a stretch with that one's length and the time since it began."""
         v = moment.vp_V - moment.nvs_V
-        resting = current_A == 0
-        sign = np.where(resting, np.sign(v), np.sign(current_A))
+        resting, at_rest_V = current_A == 0, v + circuit.behind_Ohm * moment.magnetizing_A
+        sign = np.where(resting, np.sign(at_rest_V), np.sign(current_A))
         V0, R = _drops(circuit, moment.vp_V, moment.nvs_V, sign)
-        held = resting & (np.abs(v) <= V0)
+        held = resting & (np.abs(at_rest_V) <= V0)
         push_V = np.where(held, 0.0, v - sign * V0)
         turning = None
         if stretch is not None and np.any(stretch[0] < circuit.dead_time_s):

@@ -8,7 +8,7 @@ import pytest
 from sim.piecewise import power_share
 from sim.prototype import prototype
 from sim.regulation import lossless_scale_W
-from sim.steady_state import magnetizing_current, periodic
+from sim.steady_state import half_period, magnetizing_current, periodic
 from tests.sim.orbits import Case, circuit, edges_at, random_case, random_duties, solve, without_losses
 
 COUNT = 200
@@ -121,6 +121,18 @@ def test_a_current_that_the_voltage_cannot_lift_over_the_drops_stays_at_zero() -
     # the dead times of the four edges differ by a third of a nanosecond; a volt would drive 50 mA
     assert np.abs(orbit.pieces.current_A).max() < 1e-3
     assert np.all(orbit.pieces.drive_A_per_s[:, 0][orbit.pieces.duration_s[:, 0] > 1e-6] == 0.0)
+
+
+def test_the_magnetizing_current_carries_the_link_current_through_zero() -> None:
+    start_A = np.linspace(-1e-3, 1e-3, 41)
+    c, ohmic = circuit(start_A.size), np.array([[0.0], [1.0]])  # channels alone have no threshold
+    c = replace(c, forward=ohmic * c.forward, reverse=ohmic * c.reverse, zero=ohmic * c.zero, secondary=None)
+    edges = edges_at(*np.full((3, start_A.size), [[0.5], [0.5], [0.0]])) + 0.2  # time begins in a zero state
+    orbit, missed = half_period(c, edges, np.concatenate([start_A[None], np.zeros((5, start_A.size))]))
+    edge_A = orbit.pieces.current_A[len(orbit.pieces.current_A) // 5]  # at the first edge
+    assert np.any(edge_A * start_A < 0)  # the magnetizing current has turned some
+    # what begins as a straight line ends as one: within what the resistances bend it by in half a period
+    np.testing.assert_allclose(np.diff(missed[0]), np.diff(missed[0])[0], rtol=1e-3)
 
 
 def test_magnetizing_current_is_the_triangle_of_the_secondary_voltage() -> None:
