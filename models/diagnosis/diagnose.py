@@ -31,7 +31,7 @@ from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_se
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
-from models.diagnosis.signatures import power_to_spare, signatures
+from models.diagnosis.signatures import margin, power_to_spare, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.verdict import Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
@@ -242,8 +242,8 @@ def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
             "row": int(row) + 1,
             "column": "P2_W",
             "value": float(whole.frame.iloc[row]["P2_W"]),
-            "reason": "within 12 % of the most that D1 and D2 can carry, or above it: D0 answers there to everything "
-            "at once, so nothing can be told apart",
+            "reason": f"within {100 * margin(whole):.0f} % of the most that D1 and D2 can carry, or above it: readings "
+            "answer there to everything at once, so nothing can be told apart",
         }
         for row in lost
     ]

@@ -30,6 +30,8 @@ _SILENT = 1e-3  # over all readings, in their units: above the solver's toleranc
 _APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
+_EDGE_ALONE = 0.03  # of the power, where efficiency is alone: an inductance three sigma off still carries it
+_LIMIT = "inductor.inductance_H"  # what moves the most that can be carried
 _LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
 _STEP = (
     0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
@@ -64,7 +66,8 @@ class Signatures:
 
     The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
     tolerance of their own, by name, and the instruments.
-    ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
+    ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction, and
+    where efficiency is alone how far a limit one sigma off bends it;
     ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (2, M) is
     that of the simulation, its laws as doubtful as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of
     the frame, for variants to start from, and ``lines`` are what they start along.
@@ -160,16 +163,20 @@ def signatures(
         start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
         models.append(baseline.with_effect(name, **{entry.headline.name: start + step_of(entry), **other}))
     models += [Model(converter=s.shifted(baseline.converter, 1.0), effects=baseline.effects) for s in spreads]
+    limit = [k for k, s in enumerate(spreads) if s.path == _LIMIT and len(observations.channels) == 1]
+    models += [Model(converter=spreads[k].shifted(baseline.converter, -1.0), effects=present) for k in limit]
     used, row = np.unique(observations.row, return_inverse=True)
     at, near = observations.points.take(used), near or observations.reference(baseline)
     cases = [*((model, at) for model in models), *((baseline, moved) for moved in _inputs(at))]
     results = simulate_each(cases, near, processes=observations.processes)
     base, *moved = (observations.predicted(result, row) for result in results)
-    of_effects, of_spreads, of_inputs = np.split(np.stack(moved), [len(entries), len(entries) + len(spreads)])
+    ends = np.cumsum([len(entries), len(spreads), len(limit)])
+    of_effects, of_spreads, of_limit, of_inputs = np.split(np.stack(moved), ends)
     found = [
         Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
         for (name, entry, other), after in zip(entries, of_effects, strict=True)
     ]
+    bent = 0.5 * np.abs(np.sum(of_spreads[limit] + of_limit - 2 * base, axis=0))
     (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, of_inputs - base)
     effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
     everyday = {
@@ -185,7 +192,7 @@ def signatures(
         spread_entries=spreads,
         spread_names=(*(s.path for s in spreads), *everyday),
         spreads=np.concatenate([of_spreads - base, np.stack(list(everyday.values()))]),
-        input_sigma=input_sigma,
+        input_sigma=np.hypot(input_sigma, bent),
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near),
         rows=used,
@@ -239,13 +246,19 @@ def _imitates(signature: Signature, others: list[Signature]) -> bool:
     return False
 
 
-def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bool_]:
-    """Readings (M,) of rows that the model could run with 12 % more power, and of rows without any.
+def margin(observations: Observations) -> float:
+    """How much more than its power, relative, a row's D1 and D2 have to carry for a diagnosis.
 
-    Closer to the most that D1 and D2 can carry, D0 answers to everything at once and not linearly.
+    Closer to the most that they can carry, D0 answers to everything at once and not linearly. The input power does so
+    far less: where it is all there is, what it bends by is known of every reading (``input_sigma``).
     """
+    return _EDGE_ALONE if len(observations.channels) == 1 else _EDGE
+
+
+def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bool_]:
+    """Readings (M,) of rows that the model could run with a :func:`margin` more power, and of rows without any."""
     p = observations.points
-    spare = can_run(baseline, replace(p, power_W=p.power_W * (1 + _EDGE)))
+    spare = can_run(baseline, replace(p, power_W=p.power_W * (1 + margin(observations))))
     return np.asarray(spare | ~np.asarray(p.pwm, dtype=bool))[observations.row]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.signatures import Signatures, signatures, step_of
+from models.diagnosis.signatures import Signatures, power_to_spare, signatures, step_of
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
@@ -117,3 +117,29 @@ def test_every_spread_has_a_direction(known: Signatures) -> None:
     # what only a hard edge shows, these points need not show
     assert all(".turn_on." in path or ".recovery." in path for path in silent)
     assert np.all(np.isfinite(lengths))
+
+
+@pytest.fixture(scope="module")
+def up_to_the_edge() -> Observations:
+    frame = simulated_campaign(Model.baseline(), seed=1, count=40)
+    return observe(frame[["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]], prototype())
+
+
+def test_where_efficiency_is_alone_readings_nearer_the_edge_take_part(up_to_the_edge: Observations) -> None:
+    everything = observe(simulated_campaign(Model.baseline(), seed=1, count=40), prototype())
+    alone = set(up_to_the_edge.row[power_to_spare(up_to_the_edge, Model.baseline())])
+    assert alone > set(everything.row[power_to_spare(everything, Model.baseline())])
+
+
+def test_a_reading_that_bends_near_the_edge_says_less(up_to_the_edge: Observations) -> None:
+    kept = up_to_the_edge.take(power_to_spare(up_to_the_edge, Model.baseline()))
+    known = signatures(kept, Model.baseline())
+    inductance = known.spread_names.index("inductor.inductance_H")
+    spread = known.spread_entries[inductance]
+    (less,) = kept.simulate([Model(converter=spread.shifted(prototype(), -1.0))])
+    missed = np.abs(
+        less - (known.baseline - known.spreads[inductance])
+    )  # by the straight line through one sigma
+    assert missed.max() > 0.5  # W, some times the noise of a reading
+    # of both solutions 1e-6 of the power
+    np.testing.assert_allclose(known.input_sigma, 0.5 * missed, atol=5e-3)
