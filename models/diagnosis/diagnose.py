@@ -16,6 +16,7 @@ from models.calibration import calibrate
 from models.dataset import Measurements
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
+from models.diagnosis.extension import extended, interval
 from models.diagnosis.gain import Gain, Readings, held_out_gains
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import (
@@ -41,7 +42,6 @@ from sim.side_by_side import kept
 Array = NDArray[np.float64]
 
 LEAST_ROWS = 12
-_Z95 = 1.96
 _CLIPPED = 3.0  # sigmas
 _OUTLIER = 6.0  # sigmas: one normal reading in a billion
 
@@ -152,13 +152,12 @@ class Diagnosis:
     def _cause(self, cause: Cause) -> dict[str, Any]:
         term, entry = cause.term, cause.term.signature.entry
         head = term.head
-        half = _Z95 * term.uncertainty
         parameters: list[dict[str, Any]] = [
             {
                 "name": head.name,
                 "unit": head.unit,
                 "value": term.value,
-                "ci95": [max(term.value - half, head.lower), min(term.value + half, head.upper)],
+                "ci95": list(interval(term)),
                 "off": head.off,
             }
         ]
@@ -204,15 +203,6 @@ def _share_of_gap(observations: Observations, residual: Array, shift: Array) -> 
     before = float(np.mean(np.abs(residual[judged])))
     after = float(np.mean(np.abs((residual - shift)[judged])))
     return float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 0.0
-
-
-def _extended(baseline: Model, verdict: Verdict, fit: Fit) -> Model:
-    """Baseline and the stated effects with their values in a fit."""
-    model = baseline
-    for name in verdict.stated:
-        term = fit.term(name)
-        model = model.with_effect(name, **term.signature.values(term.value))
-    return model
 
 
 def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Fit:
@@ -371,7 +361,7 @@ def _diagnosed(
         refinery=refinery,
         unexplained=nameless,
         sight=sight(refinery),
-        extended=_extended(baseline, verdict, chosen),
+        extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,
         sigma=setting.sigma,
         edge=edge,

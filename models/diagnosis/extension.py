@@ -1,0 +1,62 @@
+r"""The extended simulation: the baseline and the stated effects, all other parts as they were.
+
+A cause's value is estimated with every part inside its everyday spread; the extension keeps those parts nominal, and
+what they do to efficiency would be missing. Inside the interval that the readings leave a value, the extension takes
+the one at which it says best what was measured of efficiency,
+
+.. math:: \min_\delta \sum (r - S \delta)^2 / \sigma^2, \qquad |\delta_k| \le 1.96\, u_k,
+
+with r what is left of the input power under load without the spreads, S the effects' slopes there, u how uncertain each
+value is.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from models.diagnosis.hypotheses import Fit, Term
+from models.diagnosis.refinery import Refinery
+from sim.model import Model
+
+Array = NDArray[np.float64]
+
+_Z95 = 1.96
+
+
+def interval(term: Term) -> tuple[float, float]:
+    """The 95 % interval of a term's value, inside its bounds."""
+    half = _Z95 * term.uncertainty
+    return max(term.value - half, term.head.lower), min(term.value + half, term.head.upper)
+
+
+def extended(refinery: Refinery, fit: Fit, stated: tuple[str, ...], sigma: Array) -> Model:
+    """The baseline with the effects that are stated of a fit; ``sigma`` (M,) is the noise of the readings."""
+    observations = refinery.observations
+    terms = [fit.term(name) for name in stated]
+    if not terms:
+        return refinery.baseline
+    seen = observations.of("efficiency") & observations.loaded[observations.row]
+    others = sum(
+        (t.slope * t.distance for t in fit.terms if t.effect not in stated), start=np.zeros(seen.size)
+    )
+    left = refinery.residual - fit.shift + others
+    vectors = np.stack([*(t.slope for t in terms), left])[:, seen] / sigma[seen]
+    model = refinery.baseline
+    for term, value in zip(terms, _values(terms, vectors), strict=True):
+        model = model.with_effect(term.effect, **term.signature.values(value))
+    return model
+
+
+def _values(terms: list[Term], vectors: Array) -> list[float]:
+    """The values inside their intervals that leave least.
+
+    ``vectors`` (k + 1, n) are the slopes and what the fit leaves, in sigmas. Each value is looked for in
+    units of half its interval, from the middle: values are of ohms and of seconds.
+    """
+    low, high = np.array([interval(t) for t in terms]).T
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    *slopes, left = vectors
+    per_half = np.stack(slopes) * half[:, None]
+    off = left - (middle - [t.value for t in terms]) @ np.stack(slopes)
+    found = lsq_linear(per_half.T, off, bounds=(-1.0, 1.0))
+    return [float(v) for v in np.clip(middle + half * found.x, low, high)]

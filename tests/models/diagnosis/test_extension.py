@@ -1,0 +1,57 @@
+"""The extended model says what was measured as well as the value's interval lets it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.diagnosis.extension import extended, interval
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.signatures import Signature
+from sim.model import Model
+from tests.models.diagnosis.fabricated import joint_fit, loads, refinery
+
+COUNT = 20
+SIGMA = np.full(COUNT, 0.2)
+VALUE_W = 5.0
+ONE = np.ones(COUNT)
+
+
+def that_leaves(left_W: float, effect: str = "auxiliary_power") -> tuple[Refinery, Fit]:
+    """A refinery, and a fit of 5 W of auxiliary power that leaves so much of every reading."""
+    observations = loads(np.linspace(500.0, 1500.0, COUNT))
+    bench = refinery(observations.value, [Signature(effect=effect, slope=ONE)], SIGMA)
+    fit = joint_fit({effect: ONE}, observations.value - left_W, value=VALUE_W)
+    return replace(bench, observations=observations), fit
+
+
+def power_W(left_W: float) -> float:
+    bench, fit = that_leaves(left_W)
+    return extended(bench, fit, ("auxiliary_power",), SIGMA).effects["auxiliary_power"]["power_W"]
+
+
+def test_inside_its_interval_a_value_takes_up_what_is_left() -> None:
+    # to the tolerance of the solver, of half an interval
+    assert power_W(0.15) == pytest.approx(VALUE_W + 0.15, abs=1e-6)
+
+
+@pytest.mark.parametrize("left_W", [-3.0, 3.0])
+def test_no_value_leaves_its_interval(left_W: float) -> None:
+    _, fit = that_leaves(left_W)
+    low, high = interval(fit.terms[0])
+    assert power_W(left_W) == pytest.approx(low if left_W < 0 else high, rel=1e-6)
+
+
+def test_a_reading_that_counts_for_little_moves_little() -> None:
+    bench, fit = that_leaves(0.0)
+    fit = replace(fit, shift=fit.shift - np.where(np.arange(COUNT) == 3, 50.0, 0.0))
+    wide = np.where(np.arange(COUNT) == 3, 100.0, 0.2)
+    model = extended(bench, fit, ("auxiliary_power",), wide)
+    # 50 W of a reading that is good to 100 W, among nineteen good to 0.2 W
+    assert model.effects["auxiliary_power"]["power_W"] == pytest.approx(VALUE_W, abs=1e-4)
+
+
+def test_without_a_cause_it_is_the_baseline() -> None:
+    bench, fit = that_leaves(1.0)
+    assert extended(bench, fit, (), SIGMA) == Model.baseline()
