@@ -166,7 +166,8 @@ def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
     at_start = refinery.weighed_all(starts)
     least = hopeless(nothing.log_evidence, _FAR_BEHIND)
     starts = [fit for fit, w in zip(starts, at_start, strict=True) if w.log_evidence > least]
-    tried = [*map(_tangent, lines, curves), *scans, *(refinery.simulated(starts) if starts else [])]
+    sigmas = [w.sigma for w in refinery.weighed_all(lines)]
+    tried = [*map(_tangent, lines, curves, sigmas), *scans, *(refinery.simulated(starts) if starts else [])]
     once = _best(tried)
     leader = max(nothing.log_evidence, once[0].log_evidence)
     chosen = [
@@ -209,12 +210,17 @@ def _moved_to(line: Fit, values: Iterable[float]) -> list[Fit]:
     return [line.moved(np.array([value - term.value])) for value in sorted(inside)]
 
 
-def _tangent(line: Fit, curve: Fit) -> Fit:
-    """The simulated fit with the slope at its value, taken as a parabola from off through what was simulated."""
+def _tangent(line: Fit, curve: Fit, sigma: Array) -> Fit:
+    """The simulated fit with the slope at its value, taken as a parabola from off through what was simulated.
+
+    The spreads went a part of the way, as in Broyden's update of :mod:`models.diagnosis.refinery`.
+    """
     (term,) = curve.terms
     if term.signature.entry.threshold or abs(term.distance) < 0.1 * term.head.prior:
         return curve
-    bend = 2 * (curve.shift - line.shift) / term.distance
+    steps2 = (term.distance / sigma[0]) ** 2
+    share = steps2 / (steps2 + float(np.sum(np.square(curve.spreads))) + 1.0)
+    bend = 2 * share * (curve.shift - line.shift) / term.distance
     return replace(curve, terms=(replace(term, slope=term.slope + bend),))
 
 

@@ -17,7 +17,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
+from scipy.special import log_ndtr, ndtr
 
 from models.diagnosis.geometry import Geometry, Projection
 from models.diagnosis.leftover import Leftover
@@ -27,7 +27,8 @@ from sim.effects.base import EffectParameter
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_EVERYDAY = 3.0  # standard deviations, the part's own spread among them
+_EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
+_LEAST = 1e-9  # of an everyday spread: a value that is known exactly
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
 
 
@@ -61,9 +62,12 @@ class Term:
         return abs(self.distance) / self.sigma
 
     @property
-    def beyond_everyday(self) -> bool:
-        """Whether the value is further off than any ordinary bench has it."""
-        return abs(self.distance) > _EVERYDAY * float(np.hypot(self.sigma, self.head.tolerance))
+    def beyond_everyday(self) -> float:
+        """Probability that it is further off than any ordinary bench has it."""
+        acting, slope = self.head.acting(self.value)
+        usual = max(self.head.tolerance, self.signature.everyday)
+        sigma = max(slope * self.sigma, _LEAST * usual)
+        return float(ndtr((abs(acting) - _EVERYDAY * usual) / sigma))
 
     @property
     def uncertainty(self) -> float:
@@ -94,13 +98,15 @@ class Fit:
     """A hypothesis fitted. ``shift`` (M,) is what it adds to the baseline, beside the linear part of the spreads.
 
     ``log_evidence`` counts against an arbitrary constant that all fits of one geometry share. ``bend`` (n, N) is by how
-    much its simulation's unknowns were beside the straight lines that it started along.
+    much its simulation's unknowns were beside the straight lines that it started along, ``spreads`` (K,) how many
+    sigmas everyday spreads were off there.
     """
 
     terms: tuple[Term, ...]
     shift: Array
     log_evidence: float = -np.inf
     bend: Array | float = 0.0
+    spreads: Array | float = 0.0
 
     @classmethod
     def nothing(cls, readings: int) -> Self:

@@ -23,6 +23,7 @@ _ROUNDS = 4
 _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
 _LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
 _STILL = 0.2  # of the value's standard deviation
+_GAINED = 0.1  # in log evidence: what a step of the spreads alone has to bring
 _REACH = 0.7  # prior scales that one step may go
 _WITHIN = 3.0  # sigmas that a spread may take
 _ASIDE = 0.1  # of the prior scale: from a fitted value to the one that tells its slope
@@ -112,7 +113,8 @@ class Refinery:
         for fit, state, start, (here, there) in zip(fits, states, starts, solved, strict=True):
             shift = here - state @ self.known.spreads[: state.size] - self.known.baseline
             bend = 0.0 if start is None else fit.bend + np.nan_to_num(there - start)
-            seen.append(replace(fit, shift=np.where(np.isfinite(shift), shift, fit.shift), bend=bend))
+            shift = np.where(np.isfinite(shift), shift, fit.shift)
+            seen.append(replace(fit, shift=shift, bend=bend, spreads=state))
         weighed = self.weighed_all(seen)
         return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(seen, weighed, strict=True)]
 
@@ -153,7 +155,8 @@ class Refinery:
         """Newton's steps from simulated fits, the best of each set, until all stand still, each to its best state.
 
         What falls far behind the ``leader`` is left where it is. A step that loses evidence is halved from the
-        best state seen: where edges pass each other the simulation is not smooth.
+        best state seen: where edges pass each other the simulation is not smooth. A fit without causes has steps of
+        its spreads alone, and goes on as long as they gain.
         """
         best: dict[tuple[object, ...], Fit] = {}
         for fit in fits:
@@ -169,7 +172,8 @@ class Refinery:
                 fit = _taught(fit, known, aimed, there.sigma)
                 if fit.log_evidence > known.log_evidence:
                     best[_key(fit)] = fit
-                    going += self._onward([fit], leader)
+                    gained = fit.log_evidence - known.log_evidence
+                    going += self._onward([fit], leader) if fit.terms or gained > _GAINED else []
                 else:
                     halved = 0.5 * (np.array([t.value for t in fit.terms]) - [t.value for t in known.terms])
                     if np.any(np.abs(halved) > _STILL * there.sigma):
@@ -183,7 +187,8 @@ class Refinery:
         """The fits that have a step to go, moved by it."""
         moved = []
         for fit, weighed in zip(fits, self.weighed_all(fits), strict=True):
-            if fit.log_evidence < hopeless(leader) or np.all(np.abs(weighed.step) <= _STILL * weighed.sigma):
+            still = bool(fit.terms) and bool(np.all(np.abs(weighed.step) <= _STILL * weighed.sigma))
+            if still or fit.log_evidence < hopeless(leader):
                 continue
             reach = _REACH * np.array([t.head.prior for t in fit.terms])
             moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
@@ -204,13 +209,18 @@ def _with_slopes(fit: Fit, taught: Fit) -> tuple[Term, ...]:
 
 
 def _taught(fit: Fit, before: Fit, aimed: Fit, sigma: Array) -> Fit:
-    """The fit with slopes that reproduce the way from ``before``: Broyden's update, steps counted in sigmas."""
+    """The fit with slopes that reproduce the way from ``before``: Broyden's update, steps counted in sigmas.
+
+    The spreads went a part of the way, which is not the values' to learn; and over a sigma in all the simulation itself
+    is not smooth, where edges pass each other.
+    """
     way = np.array([new.value - old.value for new, old in zip(fit.terms, before.terms, strict=True)])
     scaled = way / np.maximum(sigma, 1e-300)
     length2 = float(scaled @ scaled)
     if length2 < _FAR_ENOUGH**2:
         return fit
-    missed = (fit.shift - aimed.shift) / length2
+    beside = np.asarray(fit.spreads - before.spreads)
+    missed = (fit.shift - aimed.shift) / (length2 + float(np.sum(beside**2)) + 1.0)
     terms = tuple(
         t if t.signature.entry.threshold else replace(t, slope=t.slope + missed * (s / max(d, 1e-300)))
         for t, s, d in zip(fit.terms, scaled, sigma, strict=True)

@@ -6,6 +6,7 @@ per cent. ``group``: causes that this design cannot tell apart have it together.
 leftover more than any cause, or nothing above reaches 95 %.
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -57,7 +58,8 @@ class Verdict:
     """``kind`` is consistent, named, group or unknown; causes by probability; the tied groups.
 
     ``stated`` are the effects that the verdict stands for: the named ones, or the first of each group.
-    ``unknown_probability`` is that of a leftover which is more than the model's own shortcomings.
+    ``consistent_probability`` is that of nothing beyond an ordinary bench, ``unknown_probability`` that of a leftover
+    which is more than the model's own shortcomings.
     """
 
     kind: str
@@ -75,10 +77,10 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
 
 
-def _is_ordinary(hypothesis: Hypothesis, faint: bool) -> bool:
-    """Whether it holds nothing that an ordinary bench has not; a ``faint`` leftover is that."""
-    everyday = not any(t.beyond_everyday for t in hypothesis.fit.terms)
-    return everyday and (faint or hypothesis.leftover is None)
+def _ordinary(hypothesis: Hypothesis, faint: bool) -> float:
+    """Probability of a hypothesis and of nothing in it that an ordinary bench has not; a ``faint`` leftover is that."""
+    everyday = math.prod(1.0 - t.beyond_everyday for t in hypothesis.fit.terms)
+    return everyday * hypothesis.probability if faint or hypothesis.leftover is None else 0.0
 
 
 def _above(term: Term) -> float:
@@ -102,14 +104,14 @@ def _caught(hypotheses: Sequence[Hypothesis]) -> float:
 
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     """Every cause with the probability that it is further off than on any ordinary bench, most probable first."""
-    best: dict[str, Fit] = {}
-    total: dict[str, float] = {}
+    shares: dict[str, list[tuple[float, Fit]]] = {}
     for h in hypotheses:
         for term in h.fit.terms:
-            if term.beyond_everyday and not _catches(term, h.fit):
-                best.setdefault(term.effect, h.fit)
-                total[term.effect] = total.get(term.effect, 0.0) + h.probability
-    order = sorted(total, key=lambda name: -total[name])
+            if not _catches(term, h.fit):
+                shares.setdefault(term.effect, []).append((h.probability * term.beyond_everyday, h.fit))
+    total = {name: sum(share for share, _ in own) for name, own in shares.items()}
+    best = {name: max(own, key=lambda entry: entry[0])[1] for name, own in shares.items()}
+    order = sorted((name for name in total if total[name] >= _WORTH_A_WORD), key=lambda name: -total[name])
     return [Cause(effect=name, fit=best[name], probability=total[name]) for name in order]
 
 
@@ -121,7 +123,7 @@ def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float
 def _instead(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> float:
     """Probability of a cause where none of a group is there."""
     return sum(
-        h.probability
+        h.probability * h.fit.term(other.effect).beyond_everyday
         for h in hypotheses
         if other.effect in h.fit.effects and set(group).isdisjoint(h.fit.effects)
     )
@@ -153,9 +155,8 @@ def judge(
     nothing that was tried explains the data, and no cause is listed.
     """
     bare = [h for h in hypotheses if not h.fit.terms]
-    nothing = sum(h.probability for h in bare if h.leftover is None)
     faint = leftover < _FAINT
-    ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
+    ordinary = sum(_ordinary(h, faint) for h in hypotheses)
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
@@ -173,10 +174,10 @@ def judge(
     tied = tuple(group for group in groups if len(group) > 1)
     return Verdict(
         kind=kind,
-        causes=tuple(_with_ties(c, tied) for c in causes if c.probability >= _WORTH_A_WORD),
+        causes=tuple(_with_ties(c, tied) for c in causes),
         groups=tied,
         stated=named or tuple(group[0] for group in groups),
-        consistent_probability=nothing,
+        consistent_probability=ordinary,
         unknown_probability=1.0 if misfit > _UNEXPLAINED else beyond,
     )
 

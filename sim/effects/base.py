@@ -24,7 +24,7 @@ class EffectParameter:
     ``tolerance`` is the everyday spread (one sigma) that every bench has about ``off``; ``prior`` the scale
     (one sigma) of the values that deserve the effect's name; ``lower`` and ``upper`` bound both. ``scan``
     lists values to try of a parameter in which the effect is not smooth (a threshold), ``starts`` those
-    from which a search should set out where the effect is far from a line.
+    from which a search should set out where the effect is far from a line. What is ``reciprocal`` acts by one over it.
     """
 
     name: str
@@ -36,6 +36,20 @@ class EffectParameter:
     off: float = 0.0
     scan: tuple[float, ...] = ()
     starts: tuple[float, ...] = ()
+    reciprocal: bool = False
+
+    def acting(self, value: float) -> tuple[float, float]:
+        """Distance of a value from off as it acts, in the unit at off, and its slope over the value.
+
+        >>> head = EffectParameter(
+        ...     name="L_H", unit="H", lower=1e-3, upper=1.0, tolerance=1e-3, prior=6e-3, off=0.01, reciprocal=True
+        ... )
+        >>> head.acting(0.02)  # half of the current is gone
+        (0.005, 0.25)
+        """
+        if not self.reciprocal:
+            return value - self.off, 1.0
+        return self.off * (1.0 - self.off / value), (self.off / value) ** 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

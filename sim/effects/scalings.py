@@ -77,9 +77,11 @@ def _relative(
     return _parameter("relative_error", "1", tolerance, prior, bounds)
 
 
-def _started(parameters: tuple[EffectParameter], values: tuple[float, ...]) -> tuple[EffectParameter]:
+def _started(
+    parameters: tuple[EffectParameter], values: tuple[float, ...], *, reciprocal: bool = False
+) -> tuple[EffectParameter]:
     """The parameter with values from which a search should start, since its effect is far from a line."""
-    return (replace(parameters[0], starts=values),)
+    return (replace(parameters[0], starts=values, reciprocal=reciprocal),)
 
 
 _SIC = ("primary.outer", "primary.switch", "secondary.switch")
@@ -138,7 +140,8 @@ SCALINGS: tuple[Effect, ...] = (
         stage="circuit",
         parameters=_started(
             _parameter("inductance_H", "H", 0.1 * _Lm, 6e-3, (1e-3, 60e-3), off=_Lm),
-            (0.2 * _Lm, 0.3 * _Lm, 0.5 * _Lm),  # its current goes by the reciprocal
+            (0.2 * _Lm, 0.3 * _Lm, 0.5 * _Lm),
+            reciprocal=True,  # its current is
         ),
         paths=("transformer.magnetizing_H",),
         change=_replaced,

@@ -153,6 +153,27 @@ def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
         assert judge([Hypothesis(fit=fit, leftover=None, probability=1.0)], WHITENER).kind == kind
 
 
+def test_at_the_line_of_what_is_ordinary_a_cause_and_nothing_have_half_each() -> None:
+    head = CATALOGUE["fan_step"].headline
+    fit = fit_of(
+        "fan_step", ALONG, value=head.off + 4.1 * head.tolerance
+    )  # 25 normal spreads, one lab of a thousand
+    verdict = judge([Hypothesis(fit=fit, leftover=None, probability=0.9)], WHITENER)
+    assert verdict.causes[0].probability == pytest.approx(0.45)
+    assert verdict.consistent_probability == pytest.approx(0.45)
+
+
+def test_what_acts_by_its_reciprocal_is_as_far_off_as_that() -> None:
+    head = CATALOGUE["magnetizing_inductance"].headline
+    for value, kind in (
+        (head.off + 6 * head.tolerance, "consistent"),
+        (head.off - 5 * head.tolerance, "named"),
+    ):
+        fit = fit_of("magnetizing_inductance", ALONG, value=value)
+        sure = replace(fit, terms=(replace(fit.terms[0], sigma=1e-5),))
+        assert judge([Hypothesis(fit=sure, leftover=None, probability=1.0)], WHITENER).kind == kind
+
+
 def test_a_small_threshold_beside_another_cause_does_not_count() -> None:
     prior = CATALOGUE["fan_step"].headline.prior
     for value, stated in ((0.6 * prior, ()), (0.9 * prior, ("fan_step",))):

@@ -1,0 +1,73 @@
+"""Following on a bench whose everyday spread does not move the readings along a line."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.refinery import Refinery, _taught
+from models.diagnosis.signatures import Signature
+from sim.model import Model
+from sim.spread import Spread
+from tests.models.diagnosis.fabricated import LinearBench, joint_fit, refinery
+
+Array = NDArray[np.float64]
+
+READINGS = 24
+SIGMA = np.full(READINGS, 0.3)
+GROWING = np.linspace(5.0, 60.0, READINGS)  # W per Ohm
+LINK = Signature(effect="link_resistance", slope=GROWING)
+WAVE = 2.0 * np.sin(np.arange(READINGS))  # W, one sigma of the cable on its line
+KINK = WAVE + 3.0 * np.cos(2.5 * np.arange(READINGS))  # W, what every sigma beyond one adds
+CABLE = Spread(path="input_cable_Ohm", sigma=0.002, relative=False)
+BASELINE_Ohm = Model.baseline().converter.input_cable_Ohm
+
+
+def kinked(sigmas: float) -> Array:
+    """What a cable that is off by so many sigmas does to the readings, in W."""
+    return np.asarray(WAVE * sigmas + KINK * max(sigmas - 1.0, 0.0))
+
+
+@dataclass(frozen=True)
+class KinkedBench(LinearBench):
+    """A bench whose cable has a kink, as edges have that pass each other."""
+
+    def _predicted(self, model: Model) -> Array:
+        sigmas = (model.converter.input_cable_Ohm - BASELINE_Ohm) / CABLE.sigma
+        return super()._predicted(model) + kinked(sigmas)
+
+
+def bench(value: Array) -> Refinery:
+    """Its refinery, which knows the cable on its line."""
+    linear = refinery(value, [LINK], SIGMA, WAVE[None])
+    return replace(
+        linear,
+        known=replace(linear.known, spread_entries=(CABLE,), spread_names=(CABLE.path,)),
+        observations=KinkedBench(value, [LINK]),  # type: ignore[arg-type]  # as much of it as a refinery needs
+    )
+
+
+def test_nothing_is_followed_as_far_as_its_spreads_gain() -> None:
+    found = bench(kinked(1.4))
+    (once,) = found.simulated([Fit.nothing(READINGS)])
+    (nothing,) = found.followed([once])
+    assert once.log_evidence < -70.0  # the line leads to 1.76 sigma, where the kink has long begun
+    assert nothing.log_evidence > once.log_evidence + 40.0  # of the 67 that there are
+
+
+def learned(spreads: Array) -> float:
+    """How much a slope changes by a step of two sigma on which the readings jump, and the spreads move by so many."""
+    before = joint_fit({"link_resistance": GROWING}, 0.0 * GROWING, value=0.0)
+    aimed = joint_fit({"link_resistance": GROWING}, 2.0 * GROWING, value=2.0)
+    fit = replace(aimed, shift=aimed.shift + KINK, spreads=spreads)
+    taught = _taught(fit, replace(before, spreads=np.zeros(2)), aimed, np.ones(1))
+    return float(np.linalg.norm(taught.terms[0].slope - GROWING) / np.linalg.norm(KINK))
+
+
+def test_a_slope_learns_its_share_of_the_way_only() -> None:
+    assert learned(np.zeros(2)) == pytest.approx(
+        2.0 / 5.0
+    )  # a step of two, squared, and one for what is not smooth
+    assert learned(np.array([3.0, 4.0])) == pytest.approx(2.0 / 30.0)  # 25 of the way was the spreads'
