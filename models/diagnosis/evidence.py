@@ -7,7 +7,7 @@ stands still. In the end every hypothesis is weighed again beside every leftover
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -273,7 +273,22 @@ def _larger(
         return []
     chosen += _other_variants(chosen, candidates)
     leader = max(f.log_evidence for f in fits)
-    return _best(refinery.followed(refinery.simulated(chosen), leader))
+    simulated = refinery.simulated(chosen)
+    if crossed := _crossed(chosen, simulated, refinery.known.effects):
+        simulated += refinery.simulated(crossed)
+    return _best(refinery.followed(simulated, leader))
+
+
+def _crossed(aimed: Iterable[Fit], simulated: Iterable[Fit], known: Sequence[Signature]) -> list[Fit]:
+    """What fell far short of its tangents, heat having moved rows across a threshold, with every other threshold."""
+    both = zip(aimed, simulated, strict=True)
+    short = _best(fit for line, fit in both if fit.log_evidence < hopeless(line.log_evidence))
+    found = []
+    for fit, s in product(short, known):
+        if s.entry.threshold and s.effect in fit.effects and s.other != fit.term(s.effect).signature.other:
+            terms = (replace(t, signature=s, slope=s.slope) if t.effect == s.effect else t for t in fit.terms)
+            found.append(replace(fit, terms=tuple(terms)))
+    return found
 
 
 def _other_variants(chosen: Sequence[Fit], candidates: Sequence[Fit]) -> list[Fit]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from models.diagnosis.evidence import _other_variants, log_prior, posterior, search
+from models.diagnosis.evidence import _crossed, _other_variants, log_prior, posterior, search
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
@@ -152,6 +152,18 @@ def test_every_threshold_of_what_is_chosen_is_followed_and_no_second_line() -> N
     lines = [fit_of("link_resistance", along, value=v) for v in (0.02, 0.04)]
     (found,) = _other_variants([chosen, lines[0]], [chosen, other, *lines])
     assert found is other
+
+
+def test_a_threshold_whose_rows_were_moved_by_heat_is_tried_elsewhere() -> None:
+    fans = [
+        Signature(effect="fan_step", other={"threshold_C": at}, slope=FLAT * (at < GROWING))
+        for at in (30, 35, 40)
+    ]
+    fit = joint_fit({"thermal_resistance": GROWING, "fan_step": FLAT}, GROWING)
+    line = replace(fit, terms=(fit.terms[0], replace(fit.terms[1], signature=fans[1])), log_evidence=0.0)
+    near, far = replace(line, log_evidence=-20.0), replace(line, log_evidence=-500.0)
+    assert _crossed([line], [near], fans) == []
+    assert [f.terms[1].signature for f in _crossed([line], [far], fans)] == [fans[0], fans[2]]
 
 
 @pytest.mark.parametrize("order", [1, -1])
