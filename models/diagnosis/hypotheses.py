@@ -17,7 +17,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtr
+from scipy.special import log_ndtr
 
 from models.diagnosis.geometry import Geometry, Projection
 from models.diagnosis.leftover import Leftover
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
-_LEAST = 1e-9  # of an everyday spread: a value that is known exactly
+_SURELY = 1.64  # standard deviations of the fit: 95 %
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
 
 
@@ -62,12 +62,11 @@ class Term:
         return abs(self.distance) / self.sigma
 
     @property
-    def beyond_everyday(self) -> float:
-        """Probability that it is further off than any ordinary bench has it."""
+    def beyond_everyday(self) -> bool:
+        """Whether it is surely further off than any ordinary bench has it."""
         acting, slope = self.head.acting(self.value)
         usual = max(self.head.tolerance, self.signature.everyday)
-        sigma = max(slope * self.sigma, _LEAST * usual)
-        return float(ndtr((abs(acting) - _EVERYDAY * usual) / sigma))
+        return abs(acting) > _EVERYDAY * usual + _SURELY * slope * self.sigma
 
     @property
     def uncertainty(self) -> float:

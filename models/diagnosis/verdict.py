@@ -6,7 +6,6 @@ per cent. ``group``: causes that this design cannot tell apart have it together.
 leftover more than any cause, or nothing above reaches 95 %.
 """
 
-import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -77,10 +76,10 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
 
 
-def _ordinary(hypothesis: Hypothesis, faint: bool) -> float:
-    """Probability of a hypothesis and of nothing in it that an ordinary bench has not; a ``faint`` leftover is that."""
-    everyday = math.prod(1.0 - t.beyond_everyday for t in hypothesis.fit.terms)
-    return everyday * hypothesis.probability if faint or hypothesis.leftover is None else 0.0
+def _is_ordinary(hypothesis: Hypothesis, faint: bool) -> bool:
+    """Whether it holds nothing that an ordinary bench has not; a ``faint`` leftover is that."""
+    everyday = not any(t.beyond_everyday for t in hypothesis.fit.terms)
+    return everyday and (faint or hypothesis.leftover is None)
 
 
 def _above(term: Term) -> float:
@@ -104,14 +103,14 @@ def _caught(hypotheses: Sequence[Hypothesis]) -> float:
 
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     """Every cause with the probability that it is further off than on any ordinary bench, most probable first."""
-    shares: dict[str, list[tuple[float, Fit]]] = {}
+    best: dict[str, Fit] = {}
+    total: dict[str, float] = {}
     for h in hypotheses:
         for term in h.fit.terms:
-            if not _catches(term, h.fit):
-                shares.setdefault(term.effect, []).append((h.probability * term.beyond_everyday, h.fit))
-    total = {name: sum(share for share, _ in own) for name, own in shares.items()}
-    best = {name: max(own, key=lambda entry: entry[0])[1] for name, own in shares.items()}
-    order = sorted((name for name in total if total[name] >= _WORTH_A_WORD), key=lambda name: -total[name])
+            if term.beyond_everyday and not _catches(term, h.fit):
+                best.setdefault(term.effect, h.fit)
+                total[term.effect] = total.get(term.effect, 0.0) + h.probability
+    order = sorted(total, key=lambda name: -total[name])
     return [Cause(effect=name, fit=best[name], probability=total[name]) for name in order]
 
 
@@ -123,7 +122,7 @@ def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float
 def _instead(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> float:
     """Probability of a cause where none of a group is there."""
     return sum(
-        h.probability * h.fit.term(other.effect).beyond_everyday
+        h.probability
         for h in hypotheses
         if other.effect in h.fit.effects and set(group).isdisjoint(h.fit.effects)
     )
@@ -156,7 +155,7 @@ def judge(
     """
     bare = [h for h in hypotheses if not h.fit.terms]
     faint = leftover < _FAINT
-    ordinary = sum(_ordinary(h, faint) for h in hypotheses)
+    ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
@@ -174,7 +173,7 @@ def judge(
     tied = tuple(group for group in groups if len(group) > 1)
     return Verdict(
         kind=kind,
-        causes=tuple(_with_ties(c, tied) for c in causes),
+        causes=tuple(_with_ties(c, tied) for c in causes if c.probability >= _WORTH_A_WORD),
         groups=tied,
         stated=named or tuple(group[0] for group in groups),
         consistent_probability=ordinary,

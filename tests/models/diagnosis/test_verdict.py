@@ -153,14 +153,16 @@ def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
         assert judge([Hypothesis(fit=fit, leftover=None, probability=1.0)], WHITENER).kind == kind
 
 
-def test_at_the_line_of_what_is_ordinary_a_cause_and_nothing_have_half_each() -> None:
+def test_what_is_surely_beyond_a_thousand_benches_is_a_cause() -> None:
     head = CATALOGUE["fan_step"].headline
-    fit = fit_of(
-        "fan_step", ALONG, value=head.off + 4.1 * head.tolerance
-    )  # 25 normal spreads, one lab of a thousand
-    verdict = judge([Hypothesis(fit=fit, leftover=None, probability=0.9)], WHITENER)
-    assert verdict.causes[0].probability == pytest.approx(0.45)
-    assert verdict.consistent_probability == pytest.approx(0.45)
+    line = (
+        head.off + 4.1 * head.tolerance + 1.64 * 0.1
+    )  # 25 normal spreads, one lab of a thousand; 95 % of the fit's sigma
+    for value, consistent in ((line - 0.01, 0.9), (line + 0.01, 0.0)):
+        fit = fit_of("fan_step", ALONG, value=value)
+        verdict = judge([Hypothesis(fit=fit, leftover=None, probability=0.9)], WHITENER)
+        assert verdict.consistent_probability == pytest.approx(consistent)
+        assert [c.effect for c in verdict.causes] == ([] if consistent else ["fan_step"])
 
 
 def test_what_acts_by_its_reciprocal_is_as_far_off_as_that() -> None:
