@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 AMBIENT_C = 25.0
 _HEATSINK_S, _INDUCTOR_S, _TRANSFORMER_S = 40.0, 60.0, 80.0  # thermal time constants
 DRIFT_S = 6 * 3600.0  # a slow part of the lab warms with this time constant
-_SETTLING_ROUNDS, _ROUNDS_NEARBY = 8, 4
+_SETTLING_ROUNDS = 8
+_STILL_K = 2e-3  # a sensor shows tenths
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,16 +270,17 @@ class Laboratory:
     ) -> tuple[Electrical, Heat]:
         """The steady state of N set points; ``near`` is that of a lab which is nearly this one."""
         demand, ambient = self.demand(D1, D2, power_W, supply_V), self.ambient_C(time_s) + 0.0 * power_W
-        heat, rounds = self.cold(ambient), _SETTLING_ROUNDS
-        now: Electrical | None = None
+        heat, now, before = self.cold(ambient), None, None
         if near is not None:
             now, heat = near
-            rounds = _ROUNDS_NEARBY
-        for _ in range(rounds):
+        for _ in range(_SETTLING_ROUNDS):
             now = self.run(demand, power_W, heat, now)
-            heat = self.final_heat(now.losses, ambient)
+            asked = self.final_heat(now.losses, ambient)
+            if np.all((heat.furthest_K(asked) < _STILL_K) | ~now.running):
+                break
+            heat, before = heat.onward(asked, before), (heat, asked)
         assert now is not None
-        return now, heat
+        return now, asked
 
     def lagging(self, end: Heat, losses: LabLosses, ambient_C: Array, interval_s: float) -> Heat:
         """Temperatures of rows in their order, each ``interval_s`` after the one before, which it started from.

@@ -1,7 +1,7 @@
 """The lab's ac link: its own temperature laws, then the waveform solver."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 LAB_ACCURACY = replace(FINE, power=1e-5)
 _BENT_ROUNDS = 2  # for a first run; the next ones go on from its solution
+_SHARES = (-0.3, 0.5)  # of a way that a part asks for again when it has gone it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +32,27 @@ class Heat:
     secondary_C: Array
     inductor_C: Array
     transformer_C: Array
+
+    def furthest_K(self, other: "Heat") -> Array:
+        """The largest difference of a part, (N,)."""
+        return np.asarray(
+            np.max([np.abs(getattr(self, f.name) - getattr(other, f.name)) for f in fields(Heat)], axis=0)
+        )
+
+    def onward(self, asked: "Heat", before: "tuple[Heat, Heat] | None") -> "Heat":
+        """Where to go on from here, whose losses ask for other temperatures, and what was asked ``before`` elsewhere.
+
+        Each part's own way tells how far (Steffensen's rule).
+        """
+        if before is None:
+            return asked
+        ahead = {}
+        for name in (f.name for f in fields(Heat)):
+            x, g, last_x, last_g = (getattr(h, name) for h in (self, asked, *before))
+            moved = x - last_x
+            share = (g - last_g) / np.where(moved == 0.0, np.inf, moved)
+            ahead[name] = x + (g - x) / (1.0 - np.clip(np.nan_to_num(share), *_SHARES))
+        return Heat(**ahead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
