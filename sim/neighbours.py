@@ -30,8 +30,13 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 _ROUNDS = 8
-_AGAIN, _HANDFUL = 2, 40  # looks after which so few have their own response taken: smaller calls cost as much
-_ANEW = 3  # times that those put aside have their response taken
+_AGAIN, _HANDFUL = (
+    1,
+    40,
+)  # from the second look on so few have their own response taken: it costs no more than a look
+_ANEW = (
+    5  # times that those put aside have their response taken: rounds of a single point cost ten such looks
+)
 _FEW, _SHARE = 60, 1 / 30  # of all: more would cost as much as they save
 _SHORTER = 0.5  # times the last step: a point whose steps are not is put aside
 _LEAST, _MOST = 0.2, 6.0  # how much of a step the last one may make of it
@@ -200,12 +205,10 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
                 shorter = _dot(step, step) < _SHORTER**2 * _dot(steps[-1], steps[-1])
             ahead = _at(station, z + step)
             onward = shorter & ahead.on_branch()
-            if turn >= _AGAIN and np.count_nonzero(~ends) <= _HANDFUL:
-                onward[:] = False
             strayed, going = np.flatnonzero(~ends & ~onward), np.flatnonzero(~ends & onward)
             aside.append((rows[strayed], z.take(strayed, axis=1)))
             rows, origin, z = rows[going], origin[going], (z + step).take(going, axis=1)
-            if not going.size:
+            if going.size <= (_HANDFUL if turn >= _AGAIN else 0):
                 break
             steps, station = [s.take(going, axis=1) for s in (*steps, step)], ahead.take(going)
         rows, z = (np.concatenate(parts, axis=-1) for parts in zip((rows, z), *aside, strict=True))

@@ -104,6 +104,7 @@ def regulate(
     target_W: Array,
     *,
     warm: Regulated | None = None,
+    rising: bool = False,
     accuracy: Accuracy = FINE,
 ) -> Regulated:
     """Solve the phase of the rising branch for a power into the ideal secondary bridge, the smallest one.
@@ -116,6 +117,8 @@ def regulate(
         Power to reach; negative where it flows to the primary.
     warm : Regulated, optional
         A solution nearby.
+    rising : bool
+        That it lies on the rising branch is known: points that hardly move from there are not asked again.
     accuracy : Accuracy
         How well orbit and power have to be met.
     """
@@ -137,7 +140,8 @@ def regulate(
             accuracy=accuracy,
         )
         orbit = part.among(way.size, asked)
-    met[_falling(circuit, edges, state, target_W, among=met)] = False
+    asked_again = met if warm is None or not rising else met & (np.abs(state[5] - warm.phase) > 0.5 * _BACK)
+    met[_falling(circuit, edges, state, target_W, among=asked_again)] = False
     again = np.flatnonzero(~met)
     if again.size:
         search = _Bracketed.of(

@@ -144,6 +144,6 @@ class Link:
         for _ in range(1 if warm is not None or self.choke.drop == 0.0 else _BENT_ROUNDS):
             extra = 0.0 if warm is None else self.choke.extra_W(warm.orbit)
             goal = np.maximum(target - extra, 0.0)
-            warm = regulate(circuit, edges, goal, warm=warm, accuracy=LAB_ACCURACY)
+            warm = regulate(circuit, edges, goal, warm=warm, rising=True, accuracy=LAB_ACCURACY)
         assert warm is not None
         return circuit, warm
