@@ -187,12 +187,16 @@ def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:
 
 def _fitted_lines(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
     """Fits moved to the best values of their tangents, with their evidence there."""
-    moved = []
-    for fit, weighed in zip(fits, refinery.weighed_all(fits), strict=True):
+    bare, own = refinery.seen_bare(fits, basis=False), [fit.own(refinery.known) for fit in fits]
+    moved, there = [], []
+    here = weigh(fits, refinery.with_laws(fits, bare), refinery.geometry, own)
+    for fit, seen, (weighed,) in zip(fits, bare, here, strict=True):
         reach = _REACH * np.array([t.head.prior for t in fit.terms])
         moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
-    there = refinery.weighed_all(moved)
-    return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(moved, there, strict=True)]
+        way = zip(moved[-1].terms, fit.terms, strict=True)
+        there.append(seen.less(np.array([new.value - old.value for new, old in way])))
+    last = weigh(moved, refinery.with_laws(moved, there), refinery.geometry, own)
+    return [replace(fit, log_evidence=w.log_evidence) for fit, (w,) in zip(moved, last, strict=True)]
 
 
 def _best_variants(fits: list[Fit]) -> list[Fit]:
@@ -313,7 +317,7 @@ def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) 
     place = {key: k for k, key in enumerate(terms)}
     *slopes, left = base.vectors(refinery.residual)
     vectors = np.stack([*slopes, *(t.slope for t in terms.values()), left])
-    (seen,) = refinery.geometry.project_all([vectors], [refinery.law(base)], basis=False)
+    seen = refinery.geometry.project(vectors, basis=False).with_directions(vectors, refinery.law(base))
     ends = list(range(len(vectors) - 1, len(seen.each_other)))  # what is left, then the laws' columns
     found = []
     for chosen in sets:

@@ -15,9 +15,9 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from models.diagnosis.leftover import Leftover, Leftovers
+from models.diagnosis.triangular import root_solved
 from models.diagnosis.whitener import Block, Whitener
 
 Array = NDArray[np.float64]
@@ -39,9 +39,24 @@ class Projection:
         return replace(
             self,
             each_other=self.each_other[np.ix_(chosen, chosen)],
-            on_spreads=self.on_spreads[:, chosen],
-            on_basis=self.on_basis[:, chosen],
+            on_spreads=self.on_spreads.take(chosen, axis=1),
+            on_basis=self.on_basis.take(chosen, axis=1),
         )
+
+    def less(self, shares: Array) -> Self:
+        """The same with the last vector less these shares (k - 1,) of the others."""
+        change = np.eye(1 + shares.size)
+        change[-1, :-1] = -shares
+        return replace(
+            self,
+            each_other=change @ self.each_other @ change.T,
+            on_spreads=self.on_spreads @ change.T,
+            on_basis=self.on_basis @ change.T,
+        )
+
+    def with_directions(self, vectors: Array, beside: "Sequence[Directions]") -> "Projection":
+        """Of these vectors (k, M), followed by the directions ``beside`` them."""
+        return _joined(vectors, self, beside)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,35 +114,14 @@ class Geometry:
             basis_by_blocks=_by_blocks(leftovers.basis, whitener.blocks),
         )
 
-    def project(self, vectors: Array, beside: Sequence[Directions] = ()) -> Projection:
-        """Products of vectors (k, M), followed by the directions ``beside`` them."""
-        return self.project_all([vectors], [beside])[0]
-
-    def project_all(
-        self, groups: Sequence[Array], beside: Sequence[Sequence[Directions]] = (), *, basis: bool = True
-    ) -> list[Projection]:
-        """Products of vectors (k, M) with the directions ``beside`` them, group by group.
-
-        With no leftover in question they need no ``basis``.
-        """
-        if not groups:
-            return []
-        vectors = np.concatenate(list(groups))
+    def project(self, vectors: Array, *, basis: bool = True) -> Projection:
+        """Products of vectors (k, M); with no leftover in question they need no ``basis``."""
         solved = self.whitener.solve(vectors.T)
-        on_spreads = self.spreads_solved @ vectors.T
-        on_basis = self._on_basis(solved) if basis else np.empty((0, len(vectors)))
-        ends = np.cumsum([0, *map(len, groups)]).tolist()
-        own = [
-            Projection(
-                each_other=vectors[a:b] @ solved[:, a:b],
-                on_spreads=on_spreads[:, a:b],
-                on_basis=on_basis[:, a:b],
-            )
-            for a, b in pairwise(ends)
-        ]
-        if not beside:
-            return own
-        return [_joined(v, seen, more) for v, seen, more in zip(groups, own, beside, strict=True)]
+        return Projection(
+            each_other=vectors @ solved,
+            on_spreads=self.spreads_solved @ vectors.T,
+            on_basis=self._on_basis(solved) if basis else np.empty((0, len(vectors))),
+        )
 
     def directions(self, vectors: Array) -> Directions:
         """Vectors (k, M) with all that does not change from one use to the next."""
@@ -175,12 +169,14 @@ class Geometry:
         log_det = np.zeros(len(leftovers))
         on_spreads = np.concatenate([p.on_spreads for p in seen], axis=1)
         on_basis = np.concatenate([p.on_basis for p in seen], axis=1)
+        at: tuple[Rows | None, Array] = None, np.empty((0, 0))
         for k, leftover in enumerate(leftovers):
             on, outer, between = np.zeros((1, ends[-1])), on_spreads, self.between_spreads
             if leftover is not None:
                 let_in = self.admitted[leftover.key]
-                on = leftover.amplitude_W * on_basis[leftover.columns]
-                on = solve_triangular(let_in.root, on, lower=True, check_finite=False)
+                if at[0] is not leftover.columns:
+                    at = leftover.columns, on_basis[leftover.columns]
+                on = root_solved(let_in.root, leftover.amplitude_W * at[1])
                 outer, between = outer - let_in.spreads.T @ on, between - let_in.spreads.T @ let_in.spreads
                 log_det[k] = let_in.log_det
             for p, o, (inner, outside, inside), (a, b) in zip(seen, own, found, pairwise(ends), strict=True):
@@ -197,8 +193,8 @@ class Geometry:
                 self.admitted[leftover.key],
                 leftover.amplitude_W * self.leftovers.basis[leftover.columns],
             )
-            on = solve_triangular(let_in.root, columns @ solved.T, lower=True, check_finite=False)
-            back = solve_triangular(let_in.root, on, lower=True, trans=1, check_finite=False)
+            on = root_solved(let_in.root, columns @ solved.T)
+            back = root_solved(let_in.root, on, transposed=True)
             solved = solved - self.whitener.solve(columns.T @ back).T
             between = between - let_in.spreads[:, own].T @ let_in.spreads[:, own]
         solved, spreads = solved[: len(vectors)], solved[len(vectors) :]
@@ -255,5 +251,5 @@ def _admitted(leftover: Leftover, inner: Array, size: int) -> _Admitted:
     root = np.asarray(
         np.linalg.cholesky(np.eye(at.size) + scale**2 * inner[np.ix_(at, at)]), dtype=np.float64
     )
-    spreads = solve_triangular(root, scale * inner[at, :size], lower=True, check_finite=False)
+    spreads = root_solved(root, scale * inner[at, :size])
     return _Admitted(root=root, spreads=spreads, log_det=2 * float(np.sum(np.log(np.diag(root)))))

@@ -54,8 +54,30 @@ class Refinery:
 
     def seen(self, fits: Sequence[Fit], *, basis: bool = True) -> list[Projection]:
         """The vectors of every fit and the columns of its laws, projected in one look at the readings."""
-        vectors = [fit.vectors(self.residual) for fit in fits]
-        return self.geometry.project_all(vectors, [self.law(fit) for fit in fits], basis=basis)
+        return self.with_laws(fits, self.seen_bare(fits, basis=basis))
+
+    def seen_bare(self, fits: Sequence[Fit], *, basis: bool = True) -> list[Projection]:
+        """The same without laws; what fits share is looked at once."""
+        if not fits:
+            return []
+        place: dict[int, int] = {}
+        vectors, groups = list[Array](), list[list[int]]()
+        for fit in fits:
+            for own in (*(t.slope for t in fit.terms), fit.shift):
+                if id(own) not in place:
+                    place[id(own)] = len(vectors)
+                    vectors.append(self.residual - own if own is fit.shift else own)
+            groups.append([place[id(own)] for own in (*(t.slope for t in fit.terms), fit.shift)])
+        seen = self.geometry.project(np.stack(vectors), basis=basis)
+        return [seen.of(group) for group in groups]
+
+    def with_laws(self, fits: Sequence[Fit], seen: Sequence[Projection]) -> list[Projection]:
+        """Projections of fits' vectors with the columns of their laws."""
+        found = []
+        for fit, own in zip(fits, seen, strict=True):
+            law = self.law(fit)
+            found.append(own.with_directions(fit.vectors(self.residual), law) if law else own)
+        return found
 
     def solved(self, fit: Fit, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""

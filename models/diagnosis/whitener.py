@@ -15,8 +15,10 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cholesky
 from scipy.linalg.lapack import dtrtri
+
+from models.diagnosis.triangular import root_solved
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -110,9 +112,9 @@ class Whitener:
         for block, inverse in zip(self.blocks, self.inverses, strict=True):
             solved[block] = inverse @ right[block]
         if len(self.root):
-            onto = solve_triangular(self.root, self.pulled @ right, lower=True, check_finite=False)
-            onto = solve_triangular(self.root, onto, lower=True, trans=1, check_finite=False)
-            solved -= self.pulled.T @ onto
+            onto = root_solved(self.root, (self.pulled @ right).reshape(len(self.root), -1))
+            onto = root_solved(self.root, onto, transposed=True)
+            solved -= (self.pulled.T @ onto).reshape(right.shape)
         return solved
 
     def inner(self, vectors: Array) -> Array:
@@ -125,7 +127,7 @@ class Whitener:
             part = part[there]
             products[np.ix_(there, there)] += part @ inverse @ part.T
             onto[:, there] += self.pulled[:, block] @ part.T
-        onto = solve_triangular(self.root, onto, lower=True, check_finite=False) if len(onto) else onto
+        onto = root_solved(self.root, onto)
         return np.asarray(products - onto.T @ onto)
 
 
