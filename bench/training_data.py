@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bench.errors import InputError
 from bench.store import Store
+from models.dataset import Measurements
 from models.screening import LOADED_KINDS
 
 Places = NDArray[np.intp]
@@ -33,11 +34,11 @@ class TrainingData:
     campaigns: tuple[int, ...] = ()
 
     @classmethod
-    def of_file(cls, path: Path, frame: pd.DataFrame) -> Self:
-        """The rows of a checked measurement table."""
-        place = _loaded(frame)
-        names = tuple(f"{path.name} row {number + 1}" for number in frame.index[place])
-        return cls(table=frame, place=place, names=names, data=str(path), virtual=None)
+    def of_file(cls, path: Path, measured: Measurements) -> Self:
+        """The rows of a checked measurement table, named as the file counts them."""
+        place = _loaded(measured.frame)
+        names = tuple(f"{path.name} row {measured.rows[k]}" for k in place)
+        return cls(table=measured.frame, place=place, names=names, data=str(path), virtual=measured.virtual)
 
     @classmethod
     def of_campaigns(cls, store: Store, ids: Sequence[int]) -> Self:

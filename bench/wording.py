@@ -164,16 +164,23 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
 
     >>> verdict_text({"verdict": "group", "groups": [["fan_step", "auxiliary_power"]]})
     'fan step or auxiliary power: these data cannot tell which'
+    >>> verdict_text({"verdict": "consistent", "causes": [{"effect": "dead_time", "probability": 0.7}]})
+    'No cause is sure; the likeliest is dead time (70.0 %)'
     """
     verdict = str(diagnosis.get("verdict", "unknown"))
     causes = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.5)]
     groups = diagnosis.get("groups") or ()
     named = [name for name in causes if not any(name in group for group in groups)]
+    tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups or (causes,))
     if verdict == "named" and named:
-        return f"Cause named: {join([effect_name(name) for name in named])}"
+        beside = f"; and {tied}: these data cannot tell which" if groups else ""
+        return f"Cause named: {join([effect_name(name) for name in named])}{beside}"
     if verdict == "group":
-        tied = [join([effect_name(name) for name in group], "or") for group in groups or (causes,)]
-        return f"{', and '.join(tied)}: these data cannot tell which"
+        return f"{tied}: these data cannot tell which"
+    if verdict == "consistent" and causes:
+        likeliest = probable_causes(diagnosis, 0.5)[0]
+        said = f"{effect_name(str(likeliest['effect']))} ({per_cent(float(likeliest['probability']))})"
+        return f"No cause is sure; the likeliest is {said}"
     sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
     if verdict == "unknown" and sure:
         return f"More is wrong than {join([effect_name(name) for name in sure])} explains, and no known cause is it"

@@ -94,7 +94,7 @@ def run(settings: Settings) -> Result:
 def _retraining(settings: Settings, folder: Path) -> tuple[Table, Goal]:
     lab = Laboratory.draw(seed=SEED, hidden={"link_resistance": None})
     table = measured_table(lab, settings.thinned(MEASURED), seed=SEED)
-    data = TrainingData.of_file(Path("lab.csv"), load_measurements(table).frame)
+    data = TrainingData.of_file(Path("lab.csv"), load_measurements(table))
     simulator = Model.baseline()
     retrainer = Retrainer(registry=Registry(folder / "models"), simulator=simulator, now=_now)
     simulated, simulate_s, simulate_cpu_s = _timed(lambda: retrainer.simulated)

@@ -6,67 +6,142 @@ Numbers stay text, so that what does not parse can be shown as it stands there; 
 import csv
 import io
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
 SEPARATORS = ",;\t"
+_SEPARATED = (
+    "columns are separated by ',' with '.' as decimal sign, or by ';' or tab with either decimal sign"
+)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_COMMENT = "#"
+_MINUS = "\N{MINUS SIGN}"  # what word processors and some locales write before a number
+_WORKBOOK = b"PK\x03\x04"
 
 
 class CsvError(ValueError):
     """A file that is no table: the line and what is wrong with it."""
 
 
-def read_csv(path: Path, numeric: Collection[str]) -> pd.DataFrame:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CsvTable:
+    """``frame`` of the file's rows, ``lines`` where each stands in it, from 1, and what a reader should know."""
+
+    frame: pd.DataFrame
+    lines: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def read_csv(path: Path, numeric: Collection[str]) -> CsvTable:
     """Read a table; columns named in ``numeric`` stay text, others become what all their values are.
 
-    The separator is the one that cuts the header into most columns, the comma of equals. Where it is not the comma, a
-    comma in a numeric column is the decimal sign, unless a point is used as well.
+    Empty lines, and lines before the header that begin with ``#``, are no rows. The separator is the one that cuts the
+    header into most columns, the comma of equals. A comma in a numeric column is the decimal sign, unless a point is
+    used as well.
 
     Raises
     ------
     CsvError
-        A line has more values than the header has columns.
+        The file is no text, or a line has more values than the header has columns.
     """
     text = _decoded(path)
-    separator = _separator(text)
-    lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
+    begin, header_line = _beginning(text)
+    separator = _separator(header_line)
+    lines = csv.reader(io.StringIO(text[begin:], newline=""), delimiter=separator, skipinitialspace=True)
+    skipped = text.count("\n", 0, begin)
     header = [name.strip() for name in next(lines, [])]
-    rows = []
-    for values in lines:
-        if len(values) > len(header):
+    rows, places, short = [], [], []
+    for place, values in _filled(lines, header, skipped):
+        if len(values) < len(header):
+            short.append(f"line {place}: {len(values)} of {len(header)}")
+        rows.append([value or None for value in values] + [None] * (len(header) - len(values)))
+        places.append(place)
+    frame = _named(pd.DataFrame(rows, columns=header, dtype=object))
+    _convert(frame, numeric)
+    notes = []
+    if short:
+        count = f"{len(short)} of {len(rows)} lines have" if len(short) > 1 else "a line has"
+        notes.append(
+            f"{count} fewer values than the header has columns ({short[0]}); what is missing is empty"
+        )
+    if sum(map(bool, header)) == 1:
+        notes.append(f"the header, line {skipped + 1}, has a single name; {_SEPARATED}")
+    return CsvTable(frame=frame, lines=tuple(places), notes=tuple(notes))
+
+
+def _decoded(path: Path) -> str:
+    """Text of a file in UTF-8 or UTF-16, else in the code page that spreadsheets of Western Europe write."""
+    content = path.read_bytes()
+    if content.startswith(_WORKBOOK):
+        raise CsvError("this is a workbook or an archive, not text; save the sheet as CSV")
+    wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    text = ""
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
+        try:
+            text = content.decode(encoding)
+            break
+        except UnicodeDecodeError as error:
+            where = error.start
+    else:
+        raise CsvError(f"this is not text: byte {content[where]:#04x} at {where}; save the table as CSV")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _beginning(text: str) -> tuple[int, str]:
+    """Where the header begins, and its line: the first one that is neither empty nor a comment."""
+    at = 0
+    for line in text.splitlines(keepends=True):
+        if line.strip() and not line.startswith(_COMMENT):
+            return at, line
+        at += len(line)
+    return len(text), ""
+
+
+def _separator(header: str) -> str:
+    return max(SEPARATORS, key=lambda each: len(next(csv.reader([header], delimiter=each), [])))
+
+
+def _filled(lines: Iterator[list[str]], header: list[str], skipped: int) -> Iterator[tuple[int, list[str]]]:
+    """Lines that hold anything, where they stand, without what is empty beyond the header's last column."""
+    reader = iter(lines)
+    for values in reader:
+        place = skipped + reader.line_num  # type: ignore[attr-defined]
+        stripped = [value.strip() for value in values]
+        while len(stripped) > len(header) and not stripped[-1]:
+            stripped.pop()
+        if len(stripped) > len(header):
             raise CsvError(
-                f"line {lines.line_num} has {len(values)} values for {len(header)} columns; columns are separated by "
-                "',' with '.' as decimal sign, or by ';' or tab with either decimal sign"
+                f"line {place} has {len(stripped)} values for {len(header)} columns, the header being line "
+                f"{skipped + 1}; {_SEPARATED}"
             )
-        if values:
-            rows.append([value.strip() or None for value in values] + [None] * (len(header) - len(values)))
-    frame = pd.DataFrame(rows, columns=header, dtype=object)
-    once = [column for column in header if header.count(column) == 1]
+        if any(stripped):
+            yield place, stripped
+
+
+def _named(frame: pd.DataFrame) -> pd.DataFrame:
+    """Columns without a name: named by their place where they hold anything, else left out."""
+    nameless = [place for place, name in enumerate(frame.columns) if not name]
+    empty = [place for place in nameless if frame.iloc[:, place].isna().all()]
+    names = [name or f"(column {place + 1})" for place, name in enumerate(frame.columns)]
+    frame.columns = names
+    return frame.iloc[:, [place for place in range(len(names)) if place not in empty]].copy()
+
+
+def _convert(frame: pd.DataFrame, numeric: Collection[str]) -> None:
+    """Make numbers what reads as such, in columns that are there once."""
+    once = [column for column in frame.columns if list(frame.columns).count(column) == 1]
     numbers = [column for column in once if column in numeric]
-    if separator != "," and not any("." in value for column in numbers for value in frame[column].dropna()):
+    for column in numbers:
+        frame[column] = [v.replace(_MINUS, "-") if v is not None else None for v in frame[column]]
+    if not any("." in value for column in numbers for value in frame[column].dropna()):
         for column in numbers:
             frame[column] = _with_point(frame[column])
     for column in once:
         if column not in numeric:
             frame[column] = _inferred(frame[column])
-    return frame
-
-
-def _decoded(path: Path) -> str:
-    """Text of a file in UTF-8, else in the code page that spreadsheets of Western Europe write."""
-    content = path.read_bytes()
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("cp1252")
-
-
-def _separator(text: str) -> str:
-    first = text.split("\n", 1)[0]
-    return max(SEPARATORS, key=lambda each: len(next(csv.reader([first], delimiter=each), [])))
 
 
 def _with_point(column: Iterable[str | None]) -> list[str | None]:

@@ -6,17 +6,16 @@ out and listed (:mod:`models.screening`); columns that are not known here are ke
 """
 
 import csv
-import difflib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow
 
-from models.csv_table import CsvError, read_csv
-from models.other_names import OtherName, OtherNameError, renamed
+from models.csv_table import CsvError, CsvTable, read_csv
+from models.other_names import OtherName, OtherNameError, as_option, nearest, renamed
 from models.screening import (
     KNOWN_COLUMNS,
     LOADED_KINDS,
@@ -36,12 +35,19 @@ class DatasetError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurements:
-    """``frame``: the accepted rows, always with ``kind``, ``P1_W`` and ``efficiency`` (NaN where nothing is
-    loaded). ``rejected``: the rows left out, one reason each. ``notes``: what else a reader should know."""
+    """``frame``: the N accepted rows, always with ``kind``, ``P1_W`` and ``efficiency`` (NaN where nothing is
+    loaded). ``rows`` (N,): which row of the table each of them was, from 1. ``rejected``: the rows left out, one
+    reason each. ``notes``: what else a reader should know."""
 
     frame: pd.DataFrame
+    rows: tuple[int, ...]
     rejected: tuple[RejectedRow, ...]
     notes: tuple[str, ...]
+
+    @property
+    def virtual(self) -> bool | None:
+        """Whether any row comes from a virtual lab; None where the table does not say."""
+        return bool((self.frame["lab"] == "virtual").any()) if "lab" in self.frame else None
 
     def loaded(self) -> pd.DataFrame:
         """The rows that carry power: kinds load and reference."""
@@ -57,14 +63,17 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
         The file cannot be read, a required column is missing, or no row can be used.
     """
     name = "table" if isinstance(source, pd.DataFrame) else str(source)
-    raw = source.reset_index(drop=True) if isinstance(source, pd.DataFrame) else _read(source, names)
+    read = _whole(source) if isinstance(source, pd.DataFrame) else _read(source, names)
+    raw = read.frame
     try:
         raw = renamed(raw, names)
     except OtherNameError as error:
         raise DatasetError(f"{name}: {error}") from error
-    _check_columns(raw, name)
+    _check_columns(read, raw, name)
     frame, notes = numbers(raw)
-    rejected = screen(frame, raw)
+    rejected = tuple(
+        replace(row, line=read.lines[row.row - 1]) if read.lines else row for row in screen(frame, raw)
+    )
     kept = np.ones(len(frame), dtype=bool)
     kept[[row.row - 1 for row in rejected]] = False
     if not kept.any():
@@ -73,8 +82,9 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
         raise DatasetError(f"{name}: {why}")
     return Measurements(
         frame=complete(frame[kept].reset_index(drop=True)),
+        rows=tuple(int(place) + 1 for place in np.flatnonzero(kept)),
         rejected=rejected,
-        notes=(*_unknown(frame), *notes),
+        notes=(*read.notes, *_unknown(frame), *notes),
     )
 
 
@@ -83,11 +93,17 @@ def _unknown(frame: pd.DataFrame) -> tuple[str, ...]:
     return (f"unknown columns, kept and ignored: {', '.join(unknown)}",) if unknown else ()
 
 
-def _read(path: Path, names: Sequence[OtherName]) -> pd.DataFrame:
+def _whole(frame: pd.DataFrame) -> CsvTable:
+    """A frame that was no text: its rows stand on no lines."""
+    return CsvTable(frame=frame.reset_index(drop=True), lines=(), notes=())
+
+
+def _read(path: Path, names: Sequence[OtherName]) -> CsvTable:
     numeric = {*NUMERIC_COLUMNS, *(name.theirs for name in names)}
-    readers: dict[str, Callable[[Path], pd.DataFrame]] = {
-        ".csv": lambda file: read_csv(file, numeric), ".parquet": pd.read_parquet,
-    }  # fmt: skip
+    readers: dict[str, Callable[[Path], CsvTable]] = {
+        ".csv": lambda file: read_csv(file, numeric),
+        ".parquet": lambda file: _whole(pd.read_parquet(file)),
+    }
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise DatasetError(f"{path}: the name ends in {path.suffix!r}; allowed are .csv and .parquet")
@@ -102,9 +118,11 @@ def _read(path: Path, names: Sequence[OtherName]) -> pd.DataFrame:
         raise DatasetError(f"{path}: cannot be read as {suffix[1:]}: {said}") from error
 
 
-def _check_columns(raw: pd.DataFrame, name: str) -> None:
+def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
     """Raise DatasetError with every column that is missing or there twice, and the nearest name present."""
     there = [str(column) for column in raw.columns]
+    if not there:
+        raise DatasetError(f"{name}: is empty")
     if twice := sorted({column for column in there if there.count(column) > 1}):
         raise DatasetError(
             f"{name}: column {twice[0]!r} is there {there.count(twice[0])} times; once is allowed"
@@ -122,12 +140,17 @@ def _check_columns(raw: pd.DataFrame, name: str) -> None:
     if not missing:
         return
     foreign = [column for column in there if column not in KNOWN_COLUMNS]
-    said = []
-    for column in missing:
-        near = difflib.get_close_matches(column, foreign, n=1, cutoff=0.5)
-        wanted = "P1_W or efficiency" if column == "P1_W" else column
-        said.append(f"required column {wanted} is missing" + (f" (is {near[0]!r} meant?)" if near else ""))
-    required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there) or 'none'}"
+    near = {column: nearest(column, foreign) for column in missing}
+    said = "; ".join(
+        f"required column {'P1_W or efficiency' if column == 'P1_W' else column} is missing"
+        + (f" (is {near[column]!r} meant?)" if near[column] else "")
+        for column in missing
+    )
+    required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there)}"
+    optional = [column for column in NUMERIC_COLUMNS if column not in (*near, *there)]
+    near |= {column: nearest(column, foreign, surely=True) for column in optional}
+    options = [as_option(column, theirs) for column, theirs in near.items() if theirs]
     if foreign:
-        required += "; other names and units are taken by d2ea import --column OURS=THEIRS*FACTOR"
-    raise DatasetError(f"{name}: {'; '.join(said)}; {required}")
+        example = " ".join(options) or "--column OURS=THEIRS*FACTOR"
+        required += f"; other names and units are taken by d2ea import {example}"
+    raise DatasetError("; ".join([f"{name}: {said}", required, *read.notes]))

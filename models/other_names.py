@@ -1,12 +1,19 @@
 """Columns that a table has under other names, or in other units, than the measurement table's."""
 
+import difflib
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
 from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS
+
+_UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")  # at the end of a header, in brackets
+_OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
+_IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "ms": 1e-3,
+            "min": 60.0, "h": 3600.0}  # fmt: skip
 
 
 class OtherNameError(ValueError):
@@ -76,3 +83,34 @@ def renamed(raw: pd.DataFrame, names: Sequence[OtherName]) -> pd.DataFrame:
             values = (number * name.factor).astype(object).where(number.notna(), values)
         frame = frame.drop(columns=name.theirs).assign(**{name.ours: values})
     return frame
+
+
+def nearest(ours: str, there: Sequence[str], *, surely: bool = False) -> str | None:
+    """The column that is meant by one of the measurement table: the same but for unit and case, else the most alike.
+
+    >>> nearest("P2_W", ["D2 [-]", "P2 (kW)"]), nearest("P2_W", ["P_2"]), nearest("P2_W", ["P_2"], surely=True)
+    ('P2 (kW)', 'P_2', None)
+    """
+    names = {_bare(column): column for column in reversed(there)}
+    quantity = next((ours.removesuffix(unit) for unit in _OUR_UNITS if ours.endswith(unit)), ours)
+    for same in (ours.lower(), quantity.lower()):
+        if same in names:
+            return names[same]
+    near = [] if surely else difflib.get_close_matches(ours.lower(), list(names), n=1, cutoff=0.5)
+    return names[near[0]] if near else None
+
+
+def as_option(ours: str, theirs: str) -> str:
+    """What to give d2ea import for a column; with the factor where the header's unit is another one.
+
+    >>> as_option("P2_W", "P2 (kW)")
+    '--column "P2_W=P2 (kW)*1000"'
+    """
+    unit = _UNIT.search(theirs)
+    factor = _IN_OURS.get(unit[1]) if unit else None
+    times = f"*{factor or 1:g}" if factor or "*" in theirs else ""
+    return f'--column "{ours}={theirs}{times}"'
+
+
+def _bare(column: str) -> str:
+    return _UNIT.sub("", column).strip().lower().replace(" ", "_")

@@ -22,23 +22,27 @@ OPTIONAL_COLUMNS = (
 NUMERIC_COLUMNS = (*CORE_COLUMNS, *OPTIONAL_COLUMNS)
 KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", "kind", "settled", "quality", "lab")
 
+GOOD = "good"
 NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
 KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 is a power written in kW
 ABSOLUTE_ZERO_C = -273.15
+LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
 DISAGREEMENT = 0.005  # of efficiency against P2/P1: more than the rounding of printed powers explains
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RejectedRow:
-    """Why a row was left out; ``row`` counts data rows from 1, the header not included."""
+    """Why a row was left out; ``row`` counts data rows from 1, the header not included, ``line`` lines of a file."""
 
     row: int
     column: str
     value: str
     reason: str
+    line: int | None = None
 
     def __str__(self) -> str:
-        return f"row {self.row}, {self.column} = {self.value}: {self.reason}"
+        where = f"row {self.row}" if self.line is None else f"row {self.row} (line {self.line})"
+        return f"{where}, {self.column} = {self.value}: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +63,10 @@ def _outside_unit(column: str) -> Callable[[pd.DataFrame], pd.Series]:
     return lambda frame: ~frame[column].between(0.0, 1.0)
 
 
+def _in_factor(column: str, factor: str) -> str:
+    return f"d2ea import --column {column}={column}*{factor} converts it"
+
+
 NO_NUMBER = "not a finite number (text, NaN, INF or the analyzer's code for no data)"
 CHECKS = (
     Check("P1_W", NO_NUMBER, _not_finite("P1_W"), ("standby", "no_load")),
@@ -70,23 +78,27 @@ CHECKS = (
     ),
     Check("D1", "outside [0, 1]: D1 is in units of the half period", _outside_unit("D1")),
     Check("D2", "outside [0, 1]: D2 is in units of the half period", _outside_unit("D2")),
-    Check("P2_W", "not above 0 W: a loaded point delivers power", lambda f: f["P2_W"] <= 0),
+    Check("P2_W", "not above 0 W: a loaded point delivers power to the output", lambda f: f["P2_W"] <= 0),
     Check(
-        "P2_W", "below 10 W: this looks like kilowatts; powers are in W", lambda f: f["P2_W"] < KILOWATT_LIMIT
+        "P2_W",
+        f"below 10 W: this looks like kilowatts; powers are in W, and {_in_factor('P2_W', '1000')}",
+        lambda f: f["P2_W"] < KILOWATT_LIMIT,
     ),
     Check(
         "efficiency",
-        "this looks like per cent; efficiency is a fraction (0.9845)",
+        f"this looks like per cent; efficiency is a fraction (0.9845), and {_in_factor('efficiency', '0.01')}",
         lambda f: f["efficiency"].between(2.0, 100.0),
     ),
     Check("efficiency", "not in (0, 1]", lambda f: (f["efficiency"] <= 0) | (f["efficiency"] > 1)),
     Check("P1_W", "not above 0 W: a loaded point draws power", lambda f: f["P1_W"] <= 0),
     Check(
         "P1_W",
-        "P2_W is about 1000 times as much: P1_W looks like kilowatts",
+        f"P2_W is about 1000 times as much: P1_W looks like kilowatts, and {_in_factor('P1_W', '1000')}",
         lambda f: f["P2_W"] > 500 * f["P1_W"],
     ),
-    Check("P2_W", "above P1_W: more power out than in", lambda f: f["P2_W"] > f["P1_W"]),
+    Check(
+        "P2_W", "above P1_W: more power out than in; are the two exchanged?", lambda f: f["P2_W"] > f["P1_W"]
+    ),
     Check(
         "efficiency",
         "differs from P2_W / P1_W by more than 0.005",
@@ -100,7 +112,10 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
 
     Optional values that cannot be are left empty: one note per column says how many, and the first.
     """
-    frame, notes = raw.copy(), []
+    frame = raw.copy()
+    notes: list[str] = []
+    if "time_s" in raw:
+        raw, notes = _counted_from_the_start(raw)
     for column in NUMERIC_COLUMNS:
         if column in raw:
             frame[column] = pd.to_numeric(raw[column], errors="coerce").astype(np.float64)
@@ -113,10 +128,25 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
     return frame, tuple(notes)
 
 
+def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The table with times of day (ISO 8601), or seconds of a clock, as seconds since its earliest row."""
+    given = pd.to_numeric(raw["time_s"], errors="coerce")
+    what = "the seconds of a clock"
+    if given.isna().all() and raw["time_s"].notna().any():
+        times = pd.to_datetime(raw["time_s"], errors="coerce", utc=True, format="ISO8601")
+        given, what = (times - times.min()).dt.total_seconds(), "times of day"
+        if given.isna().all():
+            return raw, []
+    elif not (given.min() < 0 or given.min() > LONGEST_S):
+        return raw, []
+    said = f"time_s: {what} (the first row's is {raw['time_s'].iloc[0]}), taken as seconds since the earliest"
+    return raw.assign(time_s=(given - given.min()).where(given.notna(), raw["time_s"])), [said]
+
+
 def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
     value = frame[column]
     unusable = (value.isna() & raw[column].notna()) | (value.abs() >= NO_DATA)
-    if column.startswith(("u_", "range_")):
+    if column.startswith(("u_", "range_")) or column == "V1_V":
         unusable |= value <= 0
     if column.startswith("T_"):
         unusable |= value < ABSOLUTE_ZERO_C
@@ -141,6 +171,10 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
             rejected.setdefault(int(row), reasoned)
 
     reject(~frame["kind"].isin(KINDS), "kind", f"unknown kind; allowed are {', '.join(KINDS)}")
+    if "quality" in raw:
+        said = raw["quality"].astype(object)
+        bad = said.notna() & (said.astype(str).str.strip().str.lower() != GOOD)
+        reject(bad, "quality", f"the analyzer's data are not good; allowed is {GOOD!r} or nothing")
     for check in CHECKS:
         reject(frame["kind"].isin(check.kinds) & check.impossible(frame), check.column, check.reason)
     text = raw.astype(str)  # whatever stands in unknown columns can be compared as text

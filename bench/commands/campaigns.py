@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import pandas as pd
 import typer
 from rich.markup import escape
 from rich.table import Table
@@ -19,7 +18,7 @@ from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_u
 from bench.store.tables import CHOICE, CHOSEN
 from bench.table_file import file_hash, write_table
 from bench.wording import counted
-from models.dataset import DatasetError, load_measurements
+from models.dataset import DatasetError, Measurements, load_measurements
 from models.other_names import OtherName, OtherNameError
 
 _REJECTED_SHOWN = 20  # rows that are left out, each in a line of its own
@@ -167,15 +166,19 @@ def import_(
             help="a column under another name or in another unit: P1_W='Pin (kW)*1000'; may be repeated",
         ),
     ] = None,
-    virtual: Annotated[bool, typer.Option("--virtual", help="the rows come from a virtual lab")] = False,
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="the rows come from a virtual lab; else the column lab says so")
+    ] = False,
     db: Database = None,
 ) -> None:
     """Make a campaign of somebody else's measurements."""
     measured = read_measurements(file, _other_names(columns or []))
+    virtual = virtual or bool(measured.virtual)
     provenance = Provenance(config={"imported_from": file.name}, config_hash=file_hash(file), virtual=virtual)
     with Store(database_url(db)) as store:
-        campaign_id = store.import_table(name or file.stem, measured, provenance)
-    out.print(escape(f"campaign {campaign_id}: {len(measured)} rows imported from {file}"))
+        campaign_id = store.import_table(name or file.stem, measured.frame, provenance)
+    stamp(virtual)
+    out.print(escape(f"campaign {campaign_id}: {counted(len(measured.frame), 'row')} imported from {file}"))
 
 
 def _other_names(said: Sequence[str]) -> list[OtherName]:
@@ -185,8 +188,8 @@ def _other_names(said: Sequence[str]) -> list[OtherName]:
         raise InputError.of("command line", "--column", None, str(error)) from error
 
 
-def read_measurements(file: Path, names: Sequence[OtherName] = ()) -> pd.DataFrame:
-    """The usable rows of a measurement table; says which rows and columns are not used."""
+def read_measurements(file: Path, names: Sequence[OtherName] = ()) -> Measurements:
+    """A measurement table, checked; says which rows and columns are not used."""
     try:
         measured = load_measurements(file, names)
     except DatasetError as error:
@@ -197,4 +200,4 @@ def read_measurements(file: Path, names: Sequence[OtherName] = ()) -> pd.DataFra
         err.print(escape(f"{file}: {row}"))
     if (more := len(measured.rejected) - _REJECTED_SHOWN) > 0:
         err.print(escape(f"{file}: and {counted(more, 'row')} more left out"))
-    return measured.frame
+    return measured

@@ -22,8 +22,11 @@ from bench.store import Store, database_url
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
 from bench.wording import counted, effect_name, parameter_text, verdict_text
+from models.dataset import Measurements, load_measurements
 from sim.effects.catalogue import effect
 from sim.parameters import ParameterError
+
+MOST_ROWS = 5000  # memory of a diagnosis rises with readings squared: some gigabytes here
 
 app = typer.Typer()
 
@@ -51,35 +54,40 @@ def diagnose(
     """Name what the simulation gets wrong, with evidence; extend the model; measure the gain."""
     from models.diagnosis.diagnose import TooFewPoints  # here: scipy and the simulator load slowly
     from models.diagnosis.diagnose import diagnose as find_cause
+    from models.diagnosis.plausibility import ImplausibleTable
 
     check_folder(out_dir, "--out")
     if json_file is not None:
         check_folder(json_file.parent, "--json")
     left_out = known_effects(without or ())
-    frame, campaign_id, virtual = measured(data, db)
+    table, campaign_id, virtual = measured(data, db)
+    where = data if campaign_id is None else f"campaign {data}"
+    _check_size(where, table)
     stamp(virtual)
     try:
         found = find_cause(
-            frame,
+            table,
             model_from(model),
             without=left_out,
             progress=lambda said: err.print(escape(said)),
             processes=processes,
         )
     except TooFewPoints as error:
-        where = f"campaign {data}" if data.isdigit() else data
         raise InputError.of(
             where, "rows", None, f"{error}; measure more set points of D1, D2 and power"
         ) from error
+    except ImplausibleTable as error:
+        raise InputError.of(where, "columns", None, str(error)) from error
     write_model(out_dir / "model.toml", found.extended)
     plain = found.as_plain(str(out_dir / "model.toml"))
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
         write_atomically(path, text)
     residuals = found.residual_table()
+    residuals.insert(0, "row", table.rows)
     write_table(residuals, out_dir / "residuals.csv")
     page = DiagnosisPage(
-        source=f"campaign {data}" if data.isdigit() else data,
+        source=where,
         virtual=virtual,
         created=f"{datetime.now():%Y-%m-%d %H:%M}",
         diagnosis=plain,
@@ -93,6 +101,13 @@ def diagnose(
     out.print(escape(f"written to {out_dir}: diagnosis.html, diagnosis.json, model.toml, residuals.csv"))
 
 
+def _check_size(where: str, table: Measurements) -> None:
+    """InputError for more rows than a diagnosis has memory for."""
+    if (rows := len(table.frame)) > MOST_ROWS:
+        rest = f"average the readings of each set point, or keep one row of {-(-rows // MOST_ROWS)}"
+        raise InputError.of(where, "rows", rows, f"at most {MOST_ROWS}; {rest}")
+
+
 def known_effects(names: Sequence[str]) -> list[str]:
     """Effects of the catalogue; InputError for a name that is none."""
     try:
@@ -101,13 +116,11 @@ def known_effects(names: Sequence[str]) -> list[str]:
         raise InputError.of("command line", "--without", None, str(error)) from error
 
 
-def measured(data: str, db: str | None) -> Any:
+def measured(data: str, db: str | None) -> tuple[Measurements, int | None, bool]:
     """Checked measurements of a file or a campaign, the campaign's id, and whether its lab was virtual."""
-    from models.dataset import load_measurements
-
     if not data.isdigit():
-        read_measurements(Path(data))  # says what is wrong with the file, row by row
-        return load_measurements(Path(data)), None, False
+        table = read_measurements(Path(data))
+        return table, None, bool(table.virtual)
     with Store(database_url(db)) as store:
         virtual = bool(store.campaign(int(data))["virtual"])
         frame: pd.DataFrame = store.measurement_table(int(data))

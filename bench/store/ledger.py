@@ -310,8 +310,14 @@ def event_row(
     detail: str = "",
 ) -> Insert:
     """The row of an event."""
-    values = {"campaign_id": campaign_id, "event": what, "point_id": point_id, "time_s": time_s}
-    return insert(events).values(**values, detail=detail, written=utc())
+    told = event_values(campaign_id, what, point_id=point_id)
+    return insert(events).values(**told | {"time_s": time_s, "detail": detail})
+
+
+def event_values(campaign_id: int, what: str, *, point_id: int | None = None) -> dict[str, object]:
+    """An event of a campaign or one of its points, without more to tell."""
+    values = {"campaign_id": campaign_id, "event": what, "point_id": point_id, "time_s": None}
+    return {**values, "detail": "", "written": utc()}
 
 
 def reading_row(campaign_id: int, point_id: int, reading: StoredReading) -> dict[str, object]:

@@ -225,11 +225,11 @@ def _gains(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, see
 
 
 def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
-    """Rows of which no reading can be used, with the reason."""
+    """Places in the frame of rows of which no reading can be used, with the reason."""
     lost = np.setdiff1d(whole.row, kept.row)
     return [
         {
-            "row": int(row) + 1,
+            "row": int(row),
             "column": "P2_W",
             "value": float(whole.frame.iloc[row]["P2_W"]),
             "reason": f"within {100 * margin(whole):.0f} % of the most that D1 and D2 can carry, or above it: readings "
@@ -248,11 +248,11 @@ def _left_out_before(measurements: Measurements) -> str:
 
 
 def _outliers(setting: Setting) -> list[dict[str, Any]]:
-    """Single readings that nothing smooth explains, and that therefore count for next to nothing."""
+    """Single readings, by their places in the frame, that nothing smooth explains: they count for next to nothing."""
     o = setting.refinery.observations
     return [
         {
-            "row": int(o.row[k]) + 1,
+            "row": int(o.row[k]),
             "column": o.channels[o.channel[k]].column,
             "value": float(o.value[k]),
             "reason": f"{setting.far_off[k]:.0f} sigma from what explains the other rows: it counts for nothing",
@@ -365,7 +365,10 @@ def _diagnosed(
         leading=chosen,
         sigma=setting.sigma,
         edge=edge,
-        rejected=[*map(_plain_row, measurements.rejected), *rejected, *_outliers(setting)],
+        rejected=[
+            *map(_plain_row, measurements.rejected),
+            *(row | {"row": measurements.rows[row["row"]]} for row in (*rejected, *_outliers(setting))),
+        ],
         rejected_columns=rejected_columns,
     )
 

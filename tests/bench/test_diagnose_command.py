@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from bench.cli import main
+from bench.commands.diagnose import MOST_ROWS
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
 from sim.model import Model
@@ -74,3 +75,51 @@ def test_an_unknown_effect_names_the_nearest(
     said = capsys.readouterr().err
     assert "command line: --without" in said
     assert "did you mean 'dead_time'" in said
+
+
+@pytest.fixture(scope="module")
+def answer(tmp_path_factory: pytest.TempPathFactory, table: Path) -> tuple[pd.DataFrame, Path]:
+    """A table whose first row cannot be, with an outlier further down, and where its diagnosis is."""
+    folder = tmp_path_factory.mktemp("shifted")
+    frame = pd.read_csv(table).drop(columns="efficiency", errors="ignore")
+    loaded = frame[frame["kind"] == "load"]
+    frame.loc[loaded.index[7], "P1_W"] += 80.0  # W: ten times the loss that nobody entered
+    shifted = pd.concat([loaded.head(1).assign(D1=7.0), frame], ignore_index=True).assign(lab="virtual")
+    shifted.to_csv(folder / "shifted.csv", index=False)
+    assert _run("diagnose", folder / "shifted.csv", "--out", folder / "d") == 0
+    return shifted, folder / "d"
+
+
+def test_every_row_is_named_as_the_file_counts_it(answer: tuple[pd.DataFrame, Path]) -> None:
+    table, folder = answer
+    rejected = json.loads((folder / "diagnosis.json").read_text())["rejected_rows"]
+    assert len({row["row"] for row in rejected}) > 1
+    for row in rejected:
+        assert float(row["value"]) == pytest.approx(table[row["column"]][row["row"] - 1])
+    residuals = pd.read_csv(folder / "residuals.csv")
+    assert residuals["D1"].equals(table["D1"][residuals["row"] - 1].reset_index(drop=True))
+
+
+def test_a_table_from_a_virtual_lab_says_so(answer: tuple[pd.DataFrame, Path]) -> None:
+    assert "VIRTUAL LAB" in (answer[1] / "diagnosis.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [({"V1_V": 140.0}, "columns: V1_V: median 140"), ({"T_ambient_C": 298.15}, "Is it in kelvin?")],
+)
+def test_a_table_of_another_converter_is_wrong_use(
+    changed: dict[str, float], said: str, table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pd.read_csv(table).assign(**changed).to_csv(tmp_path / "other.csv", index=False)
+    assert _run("diagnose", tmp_path / "other.csv", "--out", tmp_path / "d") == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_more_rows_than_there_is_memory_for_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"0.9,0.1,1000,{1020 + k * 1e-4}\n" for k in range(MOST_ROWS + 1))
+    (tmp_path / "long.csv").write_text(f"D1,D2,P2_W,P1_W\n{rows}")
+    assert _run("diagnose", tmp_path / "long.csv", "--out", tmp_path / "d") == 2
+    assert "keep one row of 2" in " ".join(capsys.readouterr().err.split())

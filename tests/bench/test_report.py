@@ -123,7 +123,7 @@ def test_an_unconfirmed_power_off_comes_first(data, tmp_path):
 def test_the_verdict_stands_above_its_evidence(data, tmp_path):
     text = body(data, tmp_path)
     order = [
-        "Cause named: link resistance<",
+        "Cause named: link resistance; and auxiliary power or analyzer offset: these data cannot tell which<",
         "What to do",
         "resistance 71 mΩ (95 %: 66 to 77)",
         "What the diagnosis gains",

@@ -14,6 +14,7 @@ from bench.store import Provenance, Store
 from bench.trace import trace_entry
 from bench.training_data import TrainingData
 from models.calibrated import CalibratedPhysics
+from models.dataset import Measurements
 from models.held_blocks import held_out
 from models.journal import Choice
 from models.registry import ModelRecord, Registry
@@ -40,7 +41,8 @@ def measured(count: int, *, seed: int = 1, resistance_Ohm: float = 0.15, noise: 
 
 
 def file_data(table: pd.DataFrame, name: str = "theirs.csv") -> TrainingData:
-    return TrainingData.of_file(Path(name), table)
+    rows = tuple(int(row) + 1 for row in table.index)
+    return TrainingData.of_file(Path(name), Measurements(frame=table, rows=rows, rejected=(), notes=()))
 
 
 @cache

@@ -30,6 +30,15 @@ def test_an_imported_table_comes_back_the_same(store: Store) -> None:
     pd.testing.assert_frame_equal(back[TABLE.columns], TABLE, check_dtype=False)  # integers stay integers
 
 
+def test_points_with_names_of_their_own_are_numbered_as_they_come(store: Store) -> None:
+    named = TABLE.assign(point=["A", "B", "A"])
+    assert store.measurement_table(store.import_table("theirs", named, PROVENANCE))["point"].tolist() == [
+        0,
+        1,
+        0,
+    ]
+
+
 def test_a_column_nobody_measured_is_left_out(store: Store) -> None:
     back = store.measurement_table(store.import_table("theirs", TABLE, PROVENANCE))
     assert "I_L_rms_A" not in back

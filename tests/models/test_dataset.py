@@ -127,8 +127,19 @@ def test_csv_and_parquet_give_the_same_table(tmp_path):
         ("D1,D2,P2_W,P1_W\n0,8,0,2,600,612\n", "line 2 has 6 values for 4 columns"),
         ("D1,D2,P2_W,P1_W,D1\n", "'D1' is there 2 times"),
         ("D1,D2,P2_W,P1_W\n", "has a header and no rows"),
-        ("", "there are: none"),
-        ("D1,D2,P2_W,efficiency\n0.8,0.2,600,98.0\n", "row 1, efficiency = 98.0: this looks like per cent"),
+        ("", "m.csv: is empty"),
+        ("PK\x03\x04", "save the sheet as CSV"),
+        ("D1|D2|P2_W|P1_W\n0.8|0.2|600|612\n", "line 1, has a single name; columns are separated by"),
+        ("Bench 3;;;\nD1;D2;P2_W;P1_W\n", "line 1, has a single name"),
+        (
+            "D1,D2,P2_W,efficiency\n0.8,0.2,600,98.0\n",
+            "row 1 (line 2), efficiency = 98.0: this looks like per cent; efficiency is a fraction (0.9845), and "
+            "d2ea import --column efficiency=efficiency*0.01 converts it",
+        ),
+        (
+            "D1,D2,P2_W,P1_W,quality\n0.8,0.2,600,612,overrange\n",
+            "quality = overrange: the analyzer's data are",
+        ),
     ],
 )
 def test_an_unusable_file_says_why(tmp_path, text, said):
@@ -144,6 +155,9 @@ def test_an_unusable_file_says_why(tmp_path, text, said):
         "D1;D2;P2_W;P1_W;note\n0,8;0,2;600;612,5;\n0,7;,2;6,0e2;613,25;ok, warm\n",
         "D1\tD2\tP2_W\tP1_W\tnote\n0.8\t0.2\t600\t612.5\t\n0.7\t.2\t600\t613.25\tok, warm\n",
         'D1,D2,P2_W,P1_W,note\n0.8,0.2,600,612.5,\n0.7,.2,600,613.25,"ok, warm"\n',
+        'D1,D2,P2_W,P1_W,note\n"0,8","0,2",600,"612,5",\n"0,7","0,2",600,"613,25","ok, warm"\n',
+        "# bench 3\n\nD1;D2;P2_W;P1_W;note;\n\n0,8;0,2;600;612,5;;\n0,7;0,2;600;613,25;ok, warm;;;\n",
+        "D1\tD2\tP2_W\tP1_W\tnote\r0.8\t0.2\t600\t612.5\r0.7\t0.2\t600\t613.25\tok, warm\r",
     ],
 )
 def test_any_separator_and_decimal_sign_gives_the_same_table(tmp_path, text):
@@ -154,6 +168,66 @@ def test_any_separator_and_decimal_sign_gives_the_same_table(tmp_path, text):
         [0.7, 0.2, 600.0, 613.25],
     ]
     assert frame["note"].tolist() == [None, "ok, warm"]
+
+
+def test_a_table_in_sixteen_bits_and_a_typographic_minus_are_read(tmp_path):
+    (tmp_path / "m.csv").write_text("D1\tD2\tP2_W\tP1_W\tD0\n0.8\t0.2\t600\t612\t−0.1\n", encoding="utf-16")
+    assert load_measurements(tmp_path / "m.csv").frame["D0"].tolist() == [-0.1]
+
+
+def test_a_rejected_row_is_named_by_its_line_and_the_others_keep_their_numbers(tmp_path):
+    (tmp_path / "m.csv").write_text("\nD1,D2,P2_W,P1_W\n\n0.8,0.2,600,x\n0.8,0.2,600,612\n")
+    result = load_measurements(tmp_path / "m.csv")
+    assert str(result.rejected[0]).startswith("row 1 (line 4), P1_W = x:")
+    assert result.rows == (2,)
+
+
+def test_a_line_with_values_missing_is_told(tmp_path):
+    (tmp_path / "m.csv").write_text("D1,D2,P2_W,P1_W,D0\n0.8,0.2,600,612,0.1\n0.7,0.2,600,612\n")
+    (note,) = load_measurements(tmp_path / "m.csv").notes
+    assert "(line 3: 4 of 5)" in note
+
+
+@pytest.mark.parametrize(
+    ("times", "seconds"),
+    [
+        (["2024-05-01T10:00:20+02:00", "2024-05-01T08:00:00Z"], [20.0, 0.0]),
+        ([1_700_000_000.0, 1_700_000_020.5], [0.0, 20.5]),
+        ([-20.0, 0.0], [0.0, 20.0]),
+        ([3600.0, 3620.0], [3600.0, 3620.0]),
+    ],
+)
+def test_times_of_day_become_seconds_since_the_first(times, seconds):
+    result = load_measurements(table(*({"time_s": time} for time in times)))
+    assert result.frame["time_s"].tolist() == seconds
+    assert any("taken as seconds" in note for note in result.notes) == (seconds != times)
+
+
+def test_a_voltage_that_cannot_be_is_left_empty():
+    result = load_measurements(table({"V1_V": 300.0}, {"V1_V": -300.0}))
+    assert np.isnan(result.frame["V1_V"][1])
+
+
+def test_a_header_with_units_is_answered_by_the_options_that_read_it(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("D1 [-],d2,P2 (kW),P1 [kW],T_heatsink [°C]\n0.8,0.2,0.6,0.612,40\n")
+    with pytest.raises(DatasetError) as refused:
+        load_measurements(path)
+    options = re.findall(r'--column "([^"]*)"', str(refused.value))
+    assert options == [
+        "D1=D1 [-]",
+        "D2=d2",
+        "P2_W=P2 (kW)*1000",
+        "P1_W=P1 [kW]*1000",
+        "T_heatsink_C=T_heatsink [°C]",
+    ]
+    (row,) = load_measurements(path, [OtherName.parse(o) for o in options]).frame.to_dict("records")
+    assert (row["P2_W"], row["T_heatsink_C"]) == (600.0, 40.0)
+
+
+def test_a_table_says_itself_that_its_lab_is_virtual():
+    assert load_measurements(table({"lab": "virtual"})).virtual
+    assert load_measurements(table({})).virtual is None
 
 
 def test_a_comma_beside_points_is_no_decimal_sign(tmp_path):
