@@ -22,6 +22,8 @@ ALLOWED = {
     "V2_V": (1e-9, np.inf, "a voltage above 0 V"),
     "voltage_ratio": (1e-9, np.inf, "n V2 / V1, above 0"),
     "ambient_C": (-100.0, 200.0, "a temperature from -100 to 200 degC"),
+    "time_s": (0.0, np.inf, "seconds since the start, 0 or more"),
+    "range_I1_A": (0.0, np.inf, "the analyzer's current range in A, 0 or more"),
 }
 _ANY = (-np.inf, np.inf, "a number")
 MOST_PROBLEMS = 20  # of a table: more say nothing new
@@ -75,12 +77,8 @@ def _axis(text: str, converter: Converter) -> Axis:
 
 def read_points(path: Path, converter: Converter) -> "tuple[pd.DataFrame, tuple[str, ...]]":
     """A table of set points, and those of its columns that are no inputs; InputError names every bad cell."""
-    import pandas as pd  # here: it takes as long to load as a grid takes to solve
-
-    try:
-        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError.of(path, "file", None, f"cannot be read: {error}") from error
+    known = input_names(converter)
+    table, lines = _table(path, known)
     missing = [name for name in SET_POINT if name not in table]
     if missing:
         found = ", ".join(map(str, table.columns)) or "none"
@@ -90,9 +88,8 @@ def read_points(path: Path, converter: Converter) -> "tuple[pd.DataFrame, tuple[
         )
     if table.empty:
         raise InputError.of(path, "file", None, "has no rows")
-    known = input_names(converter)
     names = [name for name in map(str, table.columns) if name in known]
-    problems = [problem for name in names for problem in _bad_cells(table, name, path)]
+    problems = [problem for name in names for problem in _bad_cells(table, name, path, lines)]
     if problems:
         raise InputError(problems[:MOST_PROBLEMS])
     table = table.astype(dict.fromkeys(names, float))
@@ -100,15 +97,35 @@ def read_points(path: Path, converter: Converter) -> "tuple[pd.DataFrame, tuple[
     return table, tuple(str(name) for name in table.columns if name not in names)
 
 
-def _bad_cells(table: "pd.DataFrame", name: str, path: Path) -> list[Problem]:
+def _table(path: Path, known: Sequence[str]) -> "tuple[pd.DataFrame, Sequence[int]]":
+    """The rows of a file, and on which line each stands; InputError where it is no table."""
+    import pandas as pd  # here: it takes as long to load as a grid takes to solve
+
+    from models.csv_table import CsvError, read_csv
+
+    try:
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path), ()
+        read = read_csv(path, known)
+    except (CsvError, OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise InputError.of(path, "file", None, f"cannot be read: {why}") from error
+    twice = read.frame.columns[read.frame.columns.duplicated()]
+    if len(twice):
+        raise InputError.of(path, str(twice[0]), None, "this column is there more than once")
+    return read.frame, read.lines
+
+
+def _bad_cells(table: "pd.DataFrame", name: str, path: Path, lines: Sequence[int]) -> list[Problem]:
     low, high, said = ALLOWED.get(name, _ANY)
     import pandas as pd
 
     values = pd.to_numeric(table[name], errors="coerce")
     rows = np.flatnonzero(~(values.between(low, high) & np.isfinite(values)))
+    where = [lines[row] if lines else int(row) + 2 for row in rows[:MOST_PROBLEMS]]
     return [
-        Problem(file=str(path), field=name, value=table[name].iloc[row], allowed=said, line=int(row) + 2)
-        for row in rows[:MOST_PROBLEMS]
+        Problem(file=str(path), field=name, value=table[name].iloc[row], allowed=said, line=line)
+        for row, line in zip(rows, where, strict=False)
     ]
 
 

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
 SET_POINT = ("D1", "D2", "P_set_W")
-CONDITIONS = ("V1_V", "V2_V", "voltage_ratio", "ambient_C")
+CONDITIONS = ("V1_V", "V2_V", "voltage_ratio", "ambient_C", "time_s", "range_I1_A")
 _WORTH = 1000  # rows that are worth a process
 
 
@@ -121,7 +121,8 @@ def _placed(converter: Converter, columns: Mapping[str, NDArray[Any]]) -> tuple[
         V2_V = columns["voltage_ratio"] * V1_V / converter.transformer.turns_ratio
     points = Points(
         D1=columns["D1"], D2=columns["D2"], power_W=columns["P_set_W"], V1_V=V1_V, V2_V=V2_V,
-        ambient_C=columns.get("ambient_C", np.asarray(25.0)),
+        ambient_C=columns.get("ambient_C", np.asarray(25.0)), time_s=columns.get("time_s", np.asarray(0.0)),
+        range_I1_A=columns.get("range_I1_A", np.asarray(0.0)),
     )  # fmt: skip
     return _with_values(converter, circuit), points
 

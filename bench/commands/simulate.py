@@ -35,7 +35,7 @@ def simulate_(
     vary: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=LOW:HIGH:COUNT", help="a further axis of the grid: V1_V, V2_V, voltage_ratio, "
-                     "ambient_C or a value of the converter such as inductor.inductance_H; may be repeated"),
+                     "ambient_C, time_s, range_I1_A or a value of the converter (inductor.inductance_H); repeatable"),
     ] = None,
     out_file: Annotated[Path, typer.Option("--out", metavar="FILE.csv|.parquet")] = Path("simulated.csv"),
     model_file: ModelFile = None,
@@ -66,6 +66,9 @@ def simulate_(
     else:
         table, passed_on = read_points(points_file, model.converter)
         inputs = TableRows(table=table)
+        if passed_on:
+            others = ", ".join(passed_on)
+            err.print(escape(f"{points_file}: no inputs, kept and ignored: {others}"))
     sweep = Sweep(model=model, inputs=inputs, out=out_file, chunk_rows=chunk, passed_on=passed_on)
     with _watching(len(sweep)) as watch:
         swept = run_sweep(sweep, Workers(processes=processes, dask=dask), watch)

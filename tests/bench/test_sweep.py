@@ -140,6 +140,22 @@ def test_a_tables_own_columns_pass_and_its_inputs_count(tmp_path: Path) -> None:
     assert found["D0"][0] > found["D0"][1]  # less voltage, more phase
 
 
+def test_a_drift_of_the_model_counts_from_the_tables_time(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("D1;D2;P_set_W;time_s\n\n0,8;0,1;500;0\n0,8;0,1;500;7200\n")
+    table, passed_on = read_points(tmp_path / "points.csv", prototype())
+    drifting = Model.baseline().with_effect("warm_up_drift", relative_loss_at_end=0.2)
+    run_sweep(Sweep(model=drifting, inputs=TableRows(table=table), out=tmp_path / "a.csv"), ALONE, quiet)
+    loss = pd.read_csv(tmp_path / "a.csv").eval("P1_W - P2_W")
+    assert not passed_on
+    assert loss[1] > 1.1 * loss[0]  # most of a fifth after two hours
+
+
+def test_a_bad_cell_is_named_by_its_line_in_any_kind_of_table(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("# bench 3\n\nD1;D2;P_set_W\n0,8;x;500\n")
+    with pytest.raises(InputError, match=r"points.csv:4: D2 = 'x': a number from 0 to 1"):
+        read_points(tmp_path / "points.csv", prototype())
+
+
 @pytest.mark.parametrize(
     ("vary", "said"),
     [
