@@ -89,7 +89,7 @@ def parse_measured(text: str) -> list[Number]:
     Analyzers write them so (NR3); without the exponent a value is the front part of one that was cut.
     """
     for word in text.split(","):
-        if "E" not in word.upper() and "N" not in word.upper():
+        if _NUMBER.match(word.strip()) and "E" not in word.upper():
             raise ReplyError(f"{word!r} is not a whole measured value: its exponent is missing", reply=text)
     return parse_numbers(text)
 
@@ -200,8 +200,14 @@ class ScpiLink:
             self._doubted_at = time.monotonic()
             self._send("*CLS")
             self._send("*OPC?")
-            if (answer := self._line("*OPC?", deadline_in(self._timeout_s))) != "1":
-                raise ReplyError("the answer to *OPC? is 1", command="*OPC?", reply=answer)
+            try:
+                if (answer := self._line("*OPC?", deadline_in(self._timeout_s))) != "1":
+                    raise ReplyError("the answer to *OPC? is 1", reply=answer)
+            except InstrumentError as error:
+                elapsed_s = round(time.monotonic() - self._doubted_at, 3)
+                raise error.with_context(
+                    command="*OPC?", elapsed_s=elapsed_s, resource=self._link.resource
+                ) from error.__cause__
             self._doubted_at = None
 
     def _exchange(self, command: str, timeout_s: float | None, receive: Callable[[float], T]) -> T:

@@ -18,6 +18,7 @@ from drivers.scpi import (
     parse_error,
     parse_floats,
     parse_identity,
+    parse_measured,
     parse_number,
     parse_numbers,
     parse_register,
@@ -176,6 +177,17 @@ def test_after_a_reply_that_makes_no_sense_the_link_is_resynchronised(reply: str
     with pytest.raises(ReplyError):
         scpi.query(":RATE?", parse_setting)
     assert scpi.query(":RATE?", parse_setting) == 1.0
+
+
+def test_silence_at_the_first_contact_says_what_was_asked() -> None:
+    with pytest.raises(LinkTimeout, match=r"command='\*OPC\?'"):
+        scripted("> *CLS\n> *OPC?", SOON_S).resynchronise()
+
+
+@pytest.mark.parametrize(("word", "said"), [("+OVLD", "is not a number"), ("30.1", "exponent is missing")])
+def test_a_measured_value_that_is_none_is_refused_with_the_reason(word: str, said: str) -> None:
+    with pytest.raises(ReplyError, match=said):
+        parse_measured(f"3.0004E+02,{word}")
 
 
 def test_a_link_stays_in_doubt_until_it_is_resynchronised() -> None:
