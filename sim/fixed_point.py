@@ -13,7 +13,7 @@ from sim.steady_state import COARSE, FINE
 Array = NDArray[np.float64]
 
 _ROUNDS = 32
-_CAREFUL = 8  # every so many rounds orbits are closed before their losses are asked
+_LIGHT = 7  # rounds of one step of Newton's rule each; what is open then has its orbits closed before losses are asked
 _BRANCH = 0.005  # of Th: a longer last step of the phase leads to another solution
 _ABSURD = 3.0  # times the power of the round before, or the rated one
 _MODERATE_K = 20.0  # above ambient
@@ -85,14 +85,19 @@ def _stated_anew(
 
 
 def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None:
-    """Rounds on some points of a station, which is written to, until temperatures and power have settled."""
+    """Rounds on some points of a station, which is written to, until temperatures and power have settled.
+
+    What never settles is not reached.
+    """
     for turn in range(_ROUNDS):
         part = station.take(busy)
-        if turn % _CAREFUL == _CAREFUL - 1:
+        if turn < _LIGHT:
+            (state, onward), stays = part.follow(), np.ones(busy.size, dtype=bool)
+        else:
             state = part.solve(FINE)
             onward, stays = state.regulated, state.regulated.reached
-        else:
-            (state, onward), stays = part.follow(), np.ones(busy.size, dtype=bool)
+        if turn == _LIGHT:
+            memory.forget(busy)
         ahead = part.ahead(state)
         settled = state.regulated.reached & _near(part, ahead)
         stays &= _possible(part, ahead)
@@ -100,7 +105,8 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
         station.slow.put(busy, memory.step(busy, part.slow.by_name(), ahead.by_name()))
         busy = busy[~settled & stays]
         if not busy.size:
-            break
+            return
+    station.known.reached[busy], station.known.most_W[busy] = False, np.nan
 
 
 def _possible(part: Station, ahead: Slow) -> NDArray[np.bool_]:
@@ -124,6 +130,11 @@ class _Secant:
     def __init__(self, size: int) -> None:
         self._size = size
         self._last: dict[str, tuple[Array, Array]] = {}
+
+    def forget(self, rows: NDArray[np.intp]) -> None:
+        """Begin anew with some points."""
+        for x, g in self._last.values():
+            x[rows], g[rows] = np.nan, np.nan
 
     def step(
         self, rows: NDArray[np.intp], now: dict[str, Array], asked: dict[str, Array]
