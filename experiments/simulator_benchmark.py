@@ -24,6 +24,7 @@ from experiments.simulator.agreement import (
 from experiments.simulator.circuit_simulator import ngspice_findings
 from experiments.simulator.knowledge_methods import knowledge_methods
 from experiments.simulator.load_steps import load_steps
+from experiments.simulator.other_converters import other_converters
 from experiments.simulator.points import Findings
 from experiments.simulator.reference import reference_findings
 from experiments.simulator.speed import grid_cost, grid_findings, sweep_ladder
@@ -31,7 +32,7 @@ from experiments.simulator.virtual_prototype import virtual_prototype
 
 PARTS = (
     "reference", "grid", "sweeps", "dense_scan", "ngspice", "energy_balance", "closed_form", "time_stepping",
-    "load_steps", "knowledge_based", "prototype",
+    "other_converters", "load_steps", "knowledge_based", "prototype",
 )  # fmt: skip
 
 
@@ -62,6 +63,7 @@ def _parts(settings: Settings) -> dict[str, Callable[[], Findings]]:
         "energy_balance": energy_balance,
         "closed_form": lossless_single_phase_shift,
         "time_stepping": lambda: time_stepping(settings),
+        "other_converters": lambda: other_converters(settings),
         "load_steps": load_steps,
         "knowledge_based": lambda: knowledge_methods(settings),
         "prototype": virtual_prototype,
