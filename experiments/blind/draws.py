@@ -12,7 +12,7 @@ from experiments.blind.seeds import Seeds
 from experiments.blind.trial import NOISES, BlindTrial
 from sim.effects.catalogue import CATALOGUE
 
-DESIGNS = 6  # of the pool: each costs the reach of some eighty labs
+DESIGNS = 6  # of the pool: each costs the reach of far more than a hundred labs
 _HOW_MANY = {1: 0.75, 2: 0.2, 3: 0.05}  # causes at once, where anything is wrong
 
 # Pairs that efficiency does not tell apart, or hardly; either may be the hidden one.

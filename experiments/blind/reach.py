@@ -7,7 +7,9 @@ a little: how each moves all readings. Readings are whitened with what is not kn
 
 where the columns of J are one sigma of every part, of everyday drifts, of the instruments' specified errors, and
 the difference between the lab's laws and the simulator's at nominal parts, which nobody can take for an effect.
-An effect that bends is a plane: its shifts at both ends of the range that labs draw from.
+An effect that bends is a plane: its shifts at both ends of the range that labs draw from. A part that bends a reading,
+at the most that can be carried or where an edge turns soft, is moved to both sides: the straight part is its
+column, the other one is noise of that reading. What an ordinary lab cannot run at all is not counted.
 
 None of it is known to the diagnosis, and nothing of the diagnosis is used here.
 """
@@ -45,7 +47,8 @@ _EVERYDAY = {"duty_offset": 3e-4, "ambient_K_per_h": 0.1, "drift_share": 2e-3, "
 _ROOT_3, _UPDATES = 3**0.5, 8
 # noise of one row, of reading: the input's and the output's (efficiency is judged), current, ac power
 _NOISE = {"P1_W": 1.4e-4, "I_L_rms_A": 2e-4, "P_link1_W": 4e-4, "P_link2_W": 4e-4}
-_RESOLUTION = {"D0": 1 / 2500 / 12**0.5, "T_heatsink_C": 0.1, "T_transformer_C": 0.1, "T_inductor_C": 0.1}
+_COUNT = 1 / 2500  # of D0, as a controller reports it
+_RESOLUTION = {"D0": _COUNT / 12**0.5, "T_heatsink_C": 0.1, "T_transformer_C": 0.1, "T_inductor_C": 0.1}
 
 
 def hideable() -> list[str]:
@@ -101,10 +104,11 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """All directions of one design, by reading; ``sigma`` is the noise of each."""
+    """All directions of one design, by reading; ``sigma`` is the noise of each, ``bent`` what parts bend it by."""
 
     index: "pd.Index[Any]"
     sigma: Array
+    bent: Array
     nuisance: Array
     effects: Mapping[str, Array]
 
@@ -114,7 +118,8 @@ class Reach:
         """What can be seen of a shift, by the readings it has, in some channels; ``only`` these effects' planes."""
         here = shift.reindex(self.index)
         keep = here.notna().to_numpy() & self.index.get_level_values(1).isin(channels)
-        C = np.diag(self.sigma[keep] ** 2) + self.nuisance[:, keep].T @ self.nuisance[:, keep]
+        nuisance, own = self.nuisance[:, keep], self.sigma[keep] ** 2 + self.bent[keep] ** 2
+        C = np.diag(own) + nuisance.T @ nuisance
         factor = cholesky(C, lower=True)
 
         def white(rows: Array) -> Array:
@@ -141,16 +146,27 @@ def reach(plan: Schedule, names: Sequence[str] | None = None) -> Reach:
     def moved(other: Laboratory) -> Array:
         near = settle(other, plan, origin)
         there = readings(survey(other, plan, seed=0, samples=1, settled=near))
-        return np.asarray(np.nan_to_num((there.reindex(base.index) - base).to_numpy(dtype=float)))
+        return np.asarray((there.reindex(base.index) - base).to_numpy(dtype=float))
 
-    nuisance = [moved(other) for other in _everyday(lab)]
+    sides = [[moved(other) for other in both] for both in _everyday(lab)]
+    nuisance = [0.5 * (side[0] - side[1]) if len(side) == 2 else side[0] for side in sides]
+    bends = np.abs([0.5 * (side[0] + side[1]) for side in sides if len(side) == 2])
+    rounded = _COUNT * _of(base, "D0")  # whole counts do not bend it
+    bent = np.linalg.norm(np.maximum(bends - rounded, 0.0), axis=0)
+    runs = np.isfinite(bent) & np.all(np.isfinite(nuisance), axis=0)
     nuisance += _instruments(base, base_table)
     nuisance.append(_laws(base, base_table))
     effects = {
-        name: np.stack([moved(hiding(lab, {name: value})) for value in entry.drawn])
+        name: np.nan_to_num([moved(hiding(lab, {name: value}))[runs] for value in entry.drawn])
         for name, entry in ((name, HIDDEN[name]) for name in names or hideable())
     }
-    return Reach(index=base.index, sigma=_noise(base), nuisance=np.stack(nuisance), effects=effects)
+    return Reach(
+        index=base.index[runs],
+        sigma=_noise(base)[runs],
+        bent=bent[runs],
+        nuisance=np.stack(nuisance)[:, runs],
+        effects=effects,
+    )
 
 
 def hiding(lab: Laboratory, values: Mapping[str, float]) -> Laboratory:
@@ -159,15 +175,16 @@ def hiding(lab: Laboratory, values: Mapping[str, float]) -> Laboratory:
     return replace(lab, converter=converter, quirks=quirks)
 
 
-def _everyday(lab: Laboratory) -> Iterator[Laboratory]:
-    """The lab with each part, drift and voltage off by one sigma."""
+def _everyday(lab: Laboratory) -> Iterator[tuple[Laboratory, ...]]:
+    """The lab with each part off by one sigma to both sides, with each drift and voltage to one."""
     for spread in everyday_spread(lab.converter):
-        yield replace(lab, converter=spread.shifted(lab.converter, 1.0))
+        sides = (1.0, -1.0) if np.isinf(spread.lower) else (1.0,)  # a resistance may end at none
+        yield tuple(replace(lab, converter=spread.shifted(lab.converter, side)) for side in sides)
     for name, sigma in _EVERYDAY.items():
-        yield replace(lab, quirks=replace(lab.quirks, **{name: sigma}))
+        yield (replace(lab, quirks=replace(lab.quirks, **{name: sigma})),)
     share = 4e-4 * 3e-1 / _ROOT_3  # what a voltage reading may be off by, and nobody sees
-    yield replace(lab, errors=replace(lab.errors, output_sense=share))
-    yield replace(lab, errors=replace(lab.errors, supply_V=300.0 * share))
+    yield (replace(lab, errors=replace(lab.errors, output_sense=share)),)
+    yield (replace(lab, errors=replace(lab.errors, supply_V=300.0 * share)),)
 
 
 def _of(base: pd.Series, *channels: str) -> Array:

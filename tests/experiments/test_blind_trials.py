@@ -13,6 +13,7 @@ import pytest
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
 from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import schedule
 from experiments.blind import reach as reach_module
 from experiments.blind import trial as blind_trial
 from experiments.blind.answer import NO_ANSWER, Answer, Cause
@@ -36,6 +37,7 @@ from experiments.blind_trials import NAMES
 from experiments.harness.lab_data import measured_table, random_set_points
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
+from sim.prototype import prototype
 from sim.simulate import Points, simulate
 from sim.spread import everyday_spread
 
@@ -195,6 +197,21 @@ def test_efficiency_alone_does_not_see_a_skew_and_d0_does(sighted: dict[str, bli
 def test_a_foreign_effect_stands_out_of_the_whole_catalogue(sighted: dict[str, blind_trial.Sight]) -> None:
     sight = sighted["dc_link_esr"]
     assert 5.0 < sight.beyond(list(sight.planes)) < sight.detectability
+
+
+def test_a_reading_counts_for_what_does_not_bend_and_not_where_an_ordinary_lab_cannot_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    inductance = [s for s in everyday_spread(prototype()) if s.path == "inductor.inductance_H"]
+    monkeypatch.setattr(reach_module, "everyday_spread", lambda converter: inductance)
+    limit_W = 1767.0  # of the nominal lab with these pulses, and 1751 W with 1 % more inductance
+    power_W = limit_W * np.array([0.6, 0.975, 0.998])
+    plan = schedule(np.full(3, 0.67), np.full(3, 0.28), power_W, reference_every=10, standby=0, no_load=0)
+    known = reach_module.reach(plan, [])
+    seen = dict(zip(known.index, known.bent / known.sigma, strict=True))
+    assert seen[plan.time_s[1], "P1_W"] < 0.1
+    assert seen[plan.time_s[2], "P1_W"] > 1.0
+    assert (plan.time_s[3], "P1_W") not in seen
 
 
 # --- trials -------------------------------------------------------------------------------------------
