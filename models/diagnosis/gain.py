@@ -74,10 +74,10 @@ def _refitted(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bo
     return np.asarray(fit.shift + step @ slopes)
 
 
-def _leftover_on(readings: Readings, whitener: Whitener, rows: NDArray[np.bool_]) -> Array:
-    """A leftover in these directions fitted on some readings, whose covariance is factored, at all readings."""
+def _leftover_on(readings: Readings, covariance: Covariance, rows: NDArray[np.bool_]) -> Array:
+    """A leftover in these directions fitted on some readings, whose covariance it is, at all readings."""
     leftover = readings.leftover
-    solved = whitener.beside(leftover[:, rows]).solve(readings.residual[rows])
+    solved = Whitener.of(covariance.wider(leftover[:, rows])).solve(readings.residual[rows])
     return np.asarray(leftover.T @ (leftover[:, rows] @ solved))
 
 
@@ -158,7 +158,8 @@ def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit
     error = {name: np.full(residual.size, np.nan) for name in names}
     for block in np.unique(blocks.place[blocks.judged]):
         rows, out = blocks.place != block, (blocks.place == block) & blocks.judged
-        whitener = Whitener.of(covariance.take(np.flatnonzero(rows)))
+        fitted = covariance.take(np.flatnonzero(rows))
+        whitener = Whitener.of(fitted)
         left = residual - _refitted(cause, residual, whitener, rows)
         error["after"][out] = left[out]
         # noise is on the diagonal: between blocks, the covariance is that of spreads and smooth inaccuracy
@@ -167,5 +168,5 @@ def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit
         error["calibrated"][out] = left[out] - covariance.times(pulled)[out]
         if rival is not None:
             error["wrong"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
-        error["leftover"][out] = (residual - _leftover_on(readings, whitener, rows))[out]
+        error["leftover"][out] = (residual - _leftover_on(readings, fitted, rows))[out]
     return error

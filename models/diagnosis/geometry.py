@@ -123,6 +123,15 @@ class Geometry:
             on_basis=self._on_basis(solved) if basis else np.empty((0, len(vectors))),
         )
 
+    def with_spreads(self, seen: Projection, own: Rows) -> Projection:
+        """Of vectors seen, followed by the spreads ``own``; with no leftover in question."""
+        across, between = seen.on_spreads[own], self.between_spreads[:, own]
+        each_other = np.block([[seen.each_other, across.T], [across, between[own]]])
+        on_spreads = np.concatenate([seen.on_spreads, between], axis=1)
+        return Projection(
+            each_other=each_other, on_spreads=on_spreads, on_basis=np.empty((0, len(each_other)))
+        )
+
     def directions(self, vectors: Array) -> Directions:
         """Vectors (k, M) with all that does not change from one use to the next."""
         solved = self.whitener.solve(vectors.T)

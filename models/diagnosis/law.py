@@ -13,7 +13,7 @@ threshold may lie on either side of it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -85,21 +85,27 @@ def _undecided(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laws:
-    """The error's columns of every signature at a distance of one from off, with their products."""
+    """The error's columns of every signature at a distance of one from off; their products are found once asked for."""
 
-    known: dict[Key, Directions]
+    columns: Mapping[Key, Array] = field(default_factory=dict)
+    geometry: Geometry | None = None
+    _found: dict[Key, Directions] = field(default_factory=dict)
 
     @classmethod
     def none(cls) -> Self:
         """Every law is exact."""
-        return cls(known={})
+        return cls()
 
     @classmethod
     def of(cls, columns: Iterable[tuple[Signature, Array]], geometry: Geometry) -> Self:
         """The laws of some signatures from their columns (r, M)."""
-        return cls(known={_key(s): geometry.directions(own) for s, own in columns})
+        return cls(columns={_key(s): own for s, own in columns}, geometry=geometry)
 
     def directions(self, signature: Signature, distance: float) -> Directions | None:
         """The columns for a value at this distance from off; None for an exact law."""
-        found = self.known.get(_key(signature))
-        return None if found is None or distance == 0.0 else found.scaled(abs(distance))
+        key = _key(signature)
+        if distance == 0.0 or self.geometry is None or key not in self.columns:
+            return None
+        if key not in self._found:
+            self._found[key] = self.geometry.directions(self.columns[key])
+        return self._found[key].scaled(abs(distance))

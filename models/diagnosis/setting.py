@@ -14,7 +14,7 @@ from models.diagnosis.leftover import Leftovers, leftovers
 from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.signatures import Signature, Signatures
+from models.diagnosis.signatures import Signatures
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
 from sim.simulate import Result
@@ -67,7 +67,8 @@ def set_up(
     near, lines = known.start(observations, baseline)
     geometry = found.refinery.geometry
     laws = Laws.of(law_columns(known.effects, observations, _state(observations, near)), geometry)
-    effects = tuple(replace(s, everyday=_everyday(s, known, geometry)) for s in known.effects)
+    everyday = zip(known.effects, _everyday(known, geometry), strict=True)
+    effects = tuple(replace(s, everyday=sigma) for s, sigma in everyday)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
         found,
@@ -78,12 +79,14 @@ def set_up(
     )
 
 
-def _everyday(signature: Signature, known: Signatures, geometry: Geometry) -> float:
-    """One sigma of the value that is fitted where nothing but the effect's own parts are off, each for itself."""
-    own = known.own_spreads(signature.effect)
-    seen = geometry.project(np.concatenate([signature.slope[None], known.spreads[own]]))
-    (squared, *along), *_ = geometry.products(seen, own)[0]
-    return float(np.linalg.norm(along) / squared) if squared > 0.0 else 0.0
+def _everyday(known: Signatures, geometry: Geometry) -> list[float]:
+    """One sigma of each value that is fitted where nothing but the effect's own parts are off, each for itself."""
+    seen, found = geometry.project(np.stack([s.slope for s in known.effects]), basis=False), []
+    for k, signature in enumerate(known.effects):
+        own = known.own_spreads(signature.effect)
+        (squared, *along), *_ = geometry.products(geometry.with_spreads(seen.of([k]), own), own)[0]
+        found.append(float(np.linalg.norm(along) / squared) if squared > 0.0 else 0.0)
+    return found
 
 
 def _narrowed(bench: "_Bench", best: "_Settled") -> tuple["_Bench", "_Settled"]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.geometry import Projection
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.signatures import Signature
 
 Array = NDArray[np.float64]
 
@@ -40,20 +40,21 @@ class Sight:
 
 def sight(refinery: Refinery) -> list[Sight]:
     """Every effect of the catalogue that takes part, its clearest setting where it has several."""
-    clearest: dict[str, tuple[Signature, float, Array]] = {}
+    clearest: dict[str, tuple[int, float]] = {}
     geometry, known = refinery.geometry, refinery.known
-    for s in known.effects:
-        scaled = s.slope * s.entry.headline.prior
-        products, _ = geometry.products(geometry.project(scaled[None]), known.own_spreads(s.effect))
+    scaled = np.stack([s.slope * s.entry.headline.prior for s in known.effects])
+    seen = geometry.project(scaled, basis=False)
+    for k, s in enumerate(known.effects):
+        products, _ = geometry.products(seen.of([k]), known.own_spreads(s.effect))
         length = float(np.sqrt(max(products[0, 0], 0.0)))
         if s.effect not in clearest or length > clearest[s.effect][1]:
-            clearest[s.effect] = (s, length, scaled)
+            clearest[s.effect] = (k, length)
     names = list(clearest)
-    apart = _isolability([(s, scaled) for s, _, scaled in clearest.values()], refinery)
+    apart = _isolability(names, seen.of([k for k, _ in clearest.values()]), refinery)
     found = []
     for k, name in enumerate(names):
-        signature, length, _ = clearest[name]
-        head = signature.entry.headline
+        first, length = clearest[name]
+        head = known.effects[first].entry.headline
         tied = tuple(names[j] for j in range(len(names)) if j != k and apart[k, j] < SEEN <= length)
         smallest = SEEN * head.prior / length if length > 0 else np.inf
         visible = bool(length >= SEEN)
@@ -61,13 +62,15 @@ def sight(refinery: Refinery) -> list[Sight]:
     return found
 
 
-def _isolability(clearest: list[tuple[Signature, Array]], refinery: Refinery) -> Array:
-    """Sigmas of each effect's shift (M,) that each other one cannot imitate, (E, E); its own spread is part of it."""
+def _isolability(names: list[str], seen: Projection, refinery: Refinery) -> Array:
+    """Sigmas of each effect's shift that each other one cannot imitate, (E, E); its own spread is part of it.
+
+    ``seen`` are the shifts.
+    """
     geometry, known = refinery.geometry, refinery.known
-    seen = geometry.project(np.stack([scaled for _, scaled in clearest]))
-    apart = np.empty((len(clearest), len(clearest)))
-    for k, (signature, _) in enumerate(clearest):
-        products, _ = geometry.products(seen, known.own_spreads(signature.effect))
+    apart = np.empty((len(names), len(names)))
+    for k, name in enumerate(names):
+        products, _ = geometry.products(seen, known.own_spreads(name))
         length2 = np.maximum(np.diag(products), 1e-300)
         apart[k] = np.sqrt(np.maximum(length2[k] - products[k] ** 2 / length2, 0.0))
     return apart

@@ -55,6 +55,15 @@ class Covariance:
         own = tuple(block + np.diag(variance[rows]) for rows, block in zip(self.rows, self.own, strict=True))
         return replace(self, own=own)
 
+    def wider(self, directions: Array) -> Self:
+        """The covariance with more directions (k, M); what lies in one block alone becomes part of it."""
+        parts = [directions[:, rows] for rows in self.rows]
+        inside = np.sum([np.any(part, axis=1) for part in parts], axis=0) < 2
+        own = tuple(
+            block + part[inside].T @ part[inside] for part, block in zip(parts, self.own, strict=True)
+        )
+        return replace(self, own=own, common=np.concatenate([self.common, directions[~inside]]))
+
     def times(self, vector: Array) -> Array:
         """C times a vector (M,)."""
         total = self.common.T @ (self.common @ vector)
