@@ -32,7 +32,7 @@ from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_se
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
-from models.diagnosis.signatures import margin, power_to_spare, signatures
+from models.diagnosis.signatures import first_looks, margin, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.verdict import Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
@@ -318,11 +318,11 @@ def _diagnosed(
         )
     check_inputs(observations, baseline.converter)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
-    whole, spare = observations, power_to_spare(observations, baseline)
+    whole, (spare, near) = observations, first_looks(observations, baseline)
     if np.mean(spare) < 0.5:
         check_set_points(observations, baseline)
     observations, edge = observations.take(spare), observations.take(~spare)
-    known = signatures(observations, baseline, left_out)
+    known = signatures(observations, baseline, left_out, near=near)
     wrong, rejected_columns = implausible(observations, known.baseline)
     kept = known.finite() & ~wrong
     observations, known = observations.take(kept).in_use(), known.take(kept)

@@ -12,7 +12,6 @@ value is.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.refinery import Refinery
@@ -58,5 +57,7 @@ def _values(terms: list[Term], vectors: Array) -> list[float]:
     *slopes, left = vectors
     per_half = np.stack(slopes) * half[:, None]
     off = left - (middle - [t.value for t in terms]) @ np.stack(slopes)
+    from scipy.optimize import lsq_linear  # here: it loads slowly, and every diagnosis would pay
+
     found = lsq_linear(per_half.T, off, bounds=(-1.0, 1.0))
     return [float(v) for v in np.clip(middle + half * found.x, low, high)]

@@ -1,9 +1,9 @@
 """Signatures: how every effect, and every everyday spread, moves the whole vector of readings."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
+from sim.side_by_side import side_by_side
 from sim.simulate import Points, Result, can_run, simulate_each
 from sim.spread import Spread, everyday_spread
 
@@ -260,6 +261,21 @@ def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bo
     p = observations.points
     spare = can_run(baseline, replace(p, power_W=p.power_W * (1 + margin(observations))))
     return np.asarray(spare | ~np.asarray(p.pwm, dtype=bool))[observations.row]
+
+
+def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result | None]:
+    """Readings (M,) of rows with power to spare, and a reference of those rows where a process had time for it."""
+    if observations.processes < 2:
+        return power_to_spare(observations, baseline), None
+    asked = [(work, observations, baseline) for work in (power_to_spare, Observations.reference)]
+    spare, near = side_by_side(_answered, asked)
+    used = np.unique(observations.row)
+    return spare, near.take(np.searchsorted(used, np.unique(observations.row[spare])))
+
+
+def _answered(asked: tuple[Callable[[Observations, Model], Any], Observations, Model]) -> Any:
+    work, observations, baseline = asked
+    return work(observations, baseline)
 
 
 def _inputs(p: Points) -> list[Points]:

@@ -46,3 +46,13 @@ def test_products_and_determinant_are_those_of_the_matrix_written_out(
 def test_solutions_are_those_of_the_matrix_written_out(own: np.ndarray, leftover: Leftover | None) -> None:
     expected = np.linalg.solve(direct(own, leftover), VECTORS.T).T
     np.testing.assert_allclose(GEOMETRY.solve(VECTORS, own, leftover), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_vectors_less_others_and_spreads_beside_them_are_as_projected() -> None:
+    moved = VECTORS.copy()
+    moved[-1] -= np.array([0.3, -2.0]) @ VECTORS[:-1]
+    expected = GEOMETRY.project(np.concatenate([moved, SPREADS[OWN]]), basis=False)
+    seen = GEOMETRY.project(VECTORS, basis=False).less(np.array([0.3, -2.0]))
+    found = GEOMETRY.with_spreads(seen, OWN)
+    np.testing.assert_allclose(found.each_other, expected.each_other, rtol=1e-9, atol=1e-12)  # rounding
+    np.testing.assert_allclose(found.on_spreads, expected.on_spreads, rtol=1e-9, atol=1e-12)  # rounding

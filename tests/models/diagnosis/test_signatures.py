@@ -1,10 +1,12 @@
 """Signatures: small steps that stay possible, and slopes that predict what the simulator does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.signatures import Signatures, power_to_spare, signatures, step_of
+from models.diagnosis.signatures import Signatures, first_looks, power_to_spare, signatures, step_of
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
@@ -143,3 +145,15 @@ def test_a_reading_that_bends_near_the_edge_says_less(up_to_the_edge: Observatio
     assert missed.max() > 0.5  # W, some times the noise of a reading
     # of both solutions 1e-6 of the power
     np.testing.assert_allclose(known.input_sigma, 0.5 * missed, atol=5e-3)
+
+
+def test_a_reference_of_two_processes_is_that_of_the_rows_with_power_to_spare(
+    up_to_the_edge: Observations,
+) -> None:
+    alone, nothing = first_looks(up_to_the_edge, Model.baseline())
+    assert nothing is None
+    spare, near = first_looks(replace(up_to_the_edge, processes=2), Model.baseline())
+    np.testing.assert_array_equal(spare, alone)
+    expected = up_to_the_edge.take(spare).reference(Model.baseline())
+    assert near is not None
+    np.testing.assert_allclose(near["P1_W"], expected["P1_W"], rtol=1e-9)  # rounding

@@ -65,6 +65,15 @@ def test_directions_beside_add_their_square() -> None:
     assert wider.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1], rel=1e-12)  # rounding
 
 
+def test_a_direction_inside_a_block_widens_it() -> None:
+    more = RNG.standard_normal((3, READINGS))
+    inside = np.setdiff1d(np.arange(READINGS), PARTS.rows[0])
+    more[:2, inside] = 0.0  # the third reaches into every block
+    wider = PARTS.wider(more)
+    assert len(wider.common) == len(PARTS.common) + 1
+    np.testing.assert_allclose(written_out(wider), written_out(PARTS) + more.T @ more, rtol=1e-12)  # rounding
+
+
 def test_noise_is_on_the_diagonal() -> None:
     variance = RNG.uniform(1.0, 2.0, READINGS)
     np.testing.assert_allclose(
