@@ -4,6 +4,7 @@ Colours of data are safe for colour-blind readers: cividis for efficiency, Okabe
 lines, blue to vermillion through grey for a difference.
 """
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -28,6 +29,7 @@ DIFFERENCE = [(0.0, "#0072B2"), (0.5, "#D9D9D9"), (1.0, "#D55E00")]
 STAGES = (("primary", "blue"), ("inductor", "orange"), ("transformer", "green"), ("secondary", "vermillion"))
 LOG_TICKS = [step * 10.0**power for power in range(-5, 2) for step in (1, 2, 5)]
 PATTERNS = ("", "/", ".", "x", "\\", "+", "|")
+_LONG_LABEL = 24  # characters beside a bar: more is broken into two lines
 MARGIN = {"l": 64, "r": 24, "t": 56, "b": 56}
 
 
@@ -252,15 +254,18 @@ def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
     known = gain_rows(gain)
     figure = go.Figure(
         go.Bar(
-            x=[value for _, value, _ in known], y=[label for label, _, _ in known], orientation="h",
+            x=[value for _, value, _ in known], y=[_two_lines(label) for label, _, _ in known], orientation="h",
             marker_color=[OKABE_ITO[colour] for *_, colour in known],
             text=[f"{value:.3f}" for _, value, _ in known], textposition="auto", cliponaxis=False,
             hovertemplate="%{y}: %{x:.4f} points<extra></extra>",
         )
     )  # fmt: skip
-    figure.update_xaxes(
-        title_text="mean absolute error of efficiency on held-out blocks (points)", rangemode="tozero"
-    )
+    figure.update_xaxes(title_text="mean error, held out (points)", rangemode="tozero")
     figure.update_yaxes(autorange="reversed", automargin=True)
     figure.update_layout(height=110 + 40 * len(known), margin=MARGIN | {"t": 34}, showlegend=False)
     return figure
+
+
+def _two_lines(label: str) -> str:
+    """A long label broken in its middle, so that a narrow screen shows all of it."""
+    return "<br>".join(textwrap.wrap(label, 2 + len(label) // 2)) if len(label) > _LONG_LABEL else label

@@ -27,6 +27,7 @@ def residual_maps(residuals: pd.DataFrame) -> go.Figure | None:
     loaded = residuals[residuals["P2_W"] > 0]
     if not channels or not len(loaded):
         return None
+    loaded = loaded.assign(size=5 + 9 * loaded["P2_W"] / loaded["P2_W"].max())  # pixels
     across = min(_COLUMNS, len(channels))
     down = -(-len(channels) // across)
     spans = {c: float(np.nanquantile(np.abs(loaded[column]), _QUANTILE)) for c, column in channels.items()}
@@ -39,7 +40,10 @@ def residual_maps(residuals: pd.DataFrame) -> go.Figure | None:
     )
     for number, (channel, column) in enumerate(channels.items()):
         place = {"row": number // across + 1, "col": number % across + 1}
-        figure.add_trace(_map(loaded, column, channel, spans[channel]), **place)
+        used = loaded[column].notna()
+        if not used.all():
+            figure.add_trace(_unused(loaded[~used]), **place)
+        figure.add_trace(_map(loaded[used], column, channel, spans[channel]), **place)
         if number + across >= len(channels):
             figure.update_xaxes(title_text="D1 (half periods)", **place)
         if place["col"] == 1:
@@ -62,13 +66,25 @@ def _map(rows: pd.DataFrame, column: str, channel: str, span: float) -> go.Scatt
         mode="markers",
         marker={
             "color": rows[column] / (span or 1.0), "coloraxis": "coloraxis",
-            "size": 5 + 9 * rows["P2_W"] / rows["P2_W"].max(), "line": {"width": 0.6, "color": "#808080"},
+            "size": rows["size"], "line": {"width": 0.6, "color": "#808080"},
         },
         customdata=np.stack([rows["P2_W"], rows[column]], axis=1),
         hovertemplate="D1 %{x:.3f}, D2 %{y:.3f}, %{customdata[0]:.0f} W<br>%{customdata[1]:.4g} "
         + difference_unit(channel)
         + "<extra></extra>",
     )  # fmt: skip
+
+
+def _unused(rows: pd.DataFrame) -> go.Scatter:
+    """Rows whose reading of this channel was not used, as rings."""
+    return go.Scatter(
+        x=rows["D1"],
+        y=rows["D2"],
+        mode="markers",
+        marker={"symbol": "circle-open", "color": OKABE_ITO["grey"], "size": rows["size"]},
+        customdata=rows["P2_W"],
+        hovertemplate="D1 %{x:.3f}, D2 %{y:.3f}, %{customdata:.0f} W<br>not used<extra></extra>",
+    )
 
 
 def _amount(value: float, channel: str) -> str:
@@ -110,7 +126,7 @@ def cause_bars(causes: Sequence[Mapping[str, Any]], unknown: float, consistent: 
             hovertemplate="%{y}: %{x:.4f}<extra></extra>",
         )
     )  # fmt: skip
-    figure.update_xaxes(title_text="probability (1)", range=[0, 1.02])
+    figure.update_xaxes(title_text="probability", range=[0, 1.02])
     figure.update_yaxes(autorange="reversed", automargin=True)
     figure.update_layout(height=110 + 30 * len(bars), margin=MARGIN | {"t": 24}, showlegend=False)
     return figure

@@ -55,13 +55,13 @@ def tiles(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     worst, left_out = gap["worst"], rows_left_out(diagnosis)
     where = f"at D1 {worst['D1']:.3f}, D2 {worst['D2']:.3f}, {worst['P2_W']:.0f} W: {worst['loss_W']:+.2f} W"
     out = [
-        ("Points", str(diagnosis["points"]), left_out or "all used"),
+        ("Measured rows", str(diagnosis["points"]), left_out or "all used"),
         (
-            "Gap",
+            "Gap of efficiency",
             f"{points_text(gap['mean_abs_efficiency'])} points",
             f"{gap['mean_loss_W']:+.2f} W of loss, mean",
         ),
-        ("Worst", f"{points_text(worst['efficiency'])} points", where),
+        ("Worst row", f"{points_text(worst['efficiency'])} points", where),
     ]
     if gain:
         left = f"{points_text(gain['calibrated'])} with parts calibrated"

@@ -231,7 +231,7 @@ def revealed(summary: Mapping[str, Any]) -> str:
 def _against(base: float | None, error: float | None) -> str:
     if base is None or not error or error == base:
         return "–"
-    return f"{base / error:.3g} times smaller" if error < base else f"{error / base:.3g} times"
+    return f"{base / error:.3g} times smaller" if error < base else f"{error / base:.3g} times as large"
 
 
 def _charts(data: ReportData) -> dict[str, str]:

@@ -111,4 +111,17 @@ def test_tables_say_what_stands_behind_them() -> None:
     ]  # fmt: skip
     warm = {"T_heatsink_C": ANSWER["noise"]["efficiency"] | {"sigma": 0.4, "relative": False}}
     assert noise_rows({"noise": warm})[0][1] == "0.4 K"
-    assert [what for what, _, _ in tiles(ANSWER)] == ["Points", "Gap", "Worst", "Gap left, held out"]
+    assert [what for what, _, _ in tiles(ANSWER)] == [
+        "Measured rows",
+        "Gap of efficiency",
+        "Worst row",
+        "Gap left, held out",
+    ]
+
+
+def test_a_row_that_was_not_used_is_a_ring(page: DiagnosisPage) -> None:
+    residuals = page.residuals.copy()
+    residuals.loc[4, "residual_P1_W"] = np.nan
+    rings, dots = residual_maps(residuals).data
+    assert (rings.marker.symbol, list(rings.x)) == ("circle-open", [residuals["D1"][4]])
+    assert len(dots.x) == 29
