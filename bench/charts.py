@@ -254,7 +254,7 @@ def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
     known = gain_rows(gain)
     figure = go.Figure(
         go.Bar(
-            x=[value for _, value, _ in known], y=[_two_lines(label) for label, _, _ in known], orientation="h",
+            x=[value for _, value, _ in known], y=[two_lines(label) for label, _, _ in known], orientation="h",
             marker_color=[OKABE_ITO[colour] for *_, colour in known],
             text=[f"{value:.3f}" for _, value, _ in known], textposition="auto", cliponaxis=False,
             hovertemplate="%{y}: %{x:.4f} points<extra></extra>",
@@ -266,6 +266,6 @@ def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
     return figure
 
 
-def _two_lines(label: str) -> str:
-    """A long label broken in its middle, so that a narrow screen shows all of it."""
-    return "<br>".join(textwrap.wrap(label, 2 + len(label) // 2)) if len(label) > _LONG_LABEL else label
+def two_lines(label: str, broken: str = "<br>") -> str:
+    """A long label broken in its middle, so that a narrow screen or column holds all of it."""
+    return broken.join(textwrap.wrap(label, 2 + len(label) // 2)) if len(label) > _LONG_LABEL else label

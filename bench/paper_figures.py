@@ -15,7 +15,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
 from bench.bands import loaded_rows, power_bands, residual_channels, shown_range
-from bench.charts import OKABE_ITO, STAGES, gain_rows, loss_parts
+from bench.charts import OKABE_ITO, STAGES, gain_rows, loss_parts, two_lines
 from bench.figures import DIVERGING
 from bench.report import ReportData
 from bench.wording import MODEL_NAMES, difference_unit
@@ -42,7 +42,7 @@ def write_figures(folder: Path, data: ReportData) -> list[Path]:
         if (figure := draw(data)) is not None:
             FigureCanvasAgg(figure)
             if data.virtual:
-                figure.text(0.995, 0.005, "virtual lab", fontsize=6, ha="right", va="bottom", color="#59636e")
+                figure.text(0.005, 0.005, "virtual lab", fontsize=6, ha="left", va="bottom", color="#59636e")
             files.append(folder / f"{name}.png")
             figure.savefig(files[-1], dpi=DPI)
     return files
@@ -103,7 +103,7 @@ def model_errors(data: ReportData) -> Figure | None:
     axes.bar_label(bars, fmt="%.3g", fontsize=7, padding=2)
     axes.set(xscale="log", xlim=(min(values) / 2, max(values) * 3))
     axes.invert_yaxis()
-    axes.set_xlabel("mean absolute error of efficiency (points)", fontsize=8)
+    axes.set_xlabel("mean absolute error (points)", fontsize=8)
     return figure
 
 
@@ -189,7 +189,7 @@ def gain_bars(data: ReportData) -> Figure | None:
         return None
     figure, axes = _one(ONE_COLUMN, 55 * MM)
     bars = axes.barh(
-        [label for label, _, _ in known],
+        [two_lines(label, "\n") for label, _, _ in known],
         [value for _, value, _ in known],
         color=[OKABE_ITO[colour] for _, _, colour in known],
         height=0.6,
@@ -197,7 +197,7 @@ def gain_bars(data: ReportData) -> Figure | None:
     axes.bar_label(bars, fmt="%.3f", fontsize=7, padding=2)
     axes.set_xlim(0, 1.25 * max(value for _, value, _ in known))
     axes.invert_yaxis()
-    axes.set_xlabel("mean absolute error on held-out blocks (points)", fontsize=8)
+    axes.set_xlabel("mean error, held out (points)", fontsize=8)
     return figure
 
 

@@ -71,7 +71,7 @@ class BenchPage:
                             "simulated": Chart("Simulated efficiency"),
                             "difference": Chart("Measured − simulated"),
                         }
-                    self._difference = Chart("Measured − simulated over load")
+                    self._difference = Chart("Measured − simulated over load, with 95 % intervals")
             self._links = Panel("links")
             self._events = Panel("events")
             live(self._refresh)

@@ -47,7 +47,7 @@ class LinkView:
     resource: str
     reading: str
     age: str
-    quality: float
+    quality: str
     failures: str
     level: str
     last_error: str
@@ -235,7 +235,7 @@ def _link(
     said = ", ".join(
         f"{value:.4g} {unit_of(column)}".strip() for column, value in values if value is not None
     )
-    quality = report.quality if report else 1.0
+    quality = report.quality if report else None
     age_s = report.age_s + since_s if report and report.age_s is not None else None
     return LinkView(
         name=name,
@@ -243,9 +243,15 @@ def _link(
         resource=report.resource if report else "",
         reading=said or "–",
         age=duration(age_s) if age_s is not None else "–",
-        quality=quality,
-        failures=f"{report.failures} of {report.exchanges}" if report else "–",
-        level="good" if quality > 0.999 else "near" if quality > 0.95 else "above",
+        quality="–" if quality is None else f"{100 * quality:.2f} %",
+        failures=f"{report.failures} of {report.exchanges} failed" if report else "nothing runs on it now",
+        level="unknown"
+        if quality is None
+        else "good"
+        if quality > 0.999
+        else "near"
+        if quality > 0.95
+        else "above",
         last_error=report.last_error if report else "",
     )
 

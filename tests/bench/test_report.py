@@ -10,12 +10,13 @@ import matplotlib.image
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from playwright.sync_api import sync_playwright
 
 from bench.bands import power_bands
 from bench.charts import channel_residuals, efficiency_maps, loss_breakdown
 from bench.figures import overview_png
-from bench.paper_figures import write_figures
+from bench.paper_figures import gain_bars, model_errors, optimum_over_load, write_figures
 from bench.report import ReportData, actions, write_report
 
 CAUSE = {
@@ -284,6 +285,17 @@ def test_figures_for_a_paper_are_pictures_of_column_width(data, tmp_path):
     widths = {file.stem: matplotlib.image.imread(file).shape[1] for file in files}
     for name, width_mm in (("optimum", 88), ("maps", 181)):
         assert abs(widths[name] - width_mm / 25.4 * 300) <= 1  # rounded to whole pixels
+
+
+@pytest.mark.parametrize("draw", [gain_bars, model_errors, optimum_over_load])
+def test_no_label_of_a_figure_for_a_paper_is_cut_off(draw, data):
+    figure = draw(data)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    for axes in figure.axes:
+        label = axes.xaxis.label.get_window_extent(canvas.get_renderer())
+        assert label.x0 >= 0
+        assert label.x1 <= figure.bbox.x1
 
 
 def test_figures_that_the_data_do_not_allow_are_left_out(data, tmp_path):

@@ -104,7 +104,7 @@ def test_links_show_age_and_failures(store: Store) -> None:
     assert feed.moment is not None
     later = datetime.fromisoformat(feed.moment.written) + timedelta(seconds=2)
     (link,) = view.links(feed.campaign, feed.moment, later)
-    assert (link.age, link.failures, link.level) == ("2.5 s", "20 of 1000", "near")
+    assert (link.age, link.failures, link.level) == ("2.5 s", "20 of 1000 failed", "near")
     assert link.last_error == "no reply in 1 s"
 
 
@@ -137,3 +137,9 @@ def test_a_virtual_lab_never_passes_for_hardware_nor_hardware_for_a_virtual_lab(
     real = [row | {"virtual": False} for row in watcher.overview.campaigns]
     assert view.lab_of(replace(watcher.overview, campaigns=real)) == "hardware"
     assert view.lab_of(replace(watcher.overview, campaigns=[*watcher.overview.campaigns, *real])) == "both"
+
+
+def test_a_link_that_nothing_was_told_of_has_no_quality() -> None:
+    campaign = {"instruments": {"analyzer": "YOKOGAWA 760304"}}
+    (link,) = view.links(campaign, None, datetime.now(UTC))  # type: ignore[arg-type]
+    assert (link.quality, link.level) == ("–", "unknown")
