@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 _ROUNDS = 4
 _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
 _LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
+_BEHIND_ALONE = 100.0  # of nothing
 _STILL = 0.2  # of the value's standard deviation
 _GAINED = 0.1  # in log evidence: what a step of the spreads alone has to bring
 _REACH = 0.7  # prior scales that one step may go
@@ -201,8 +202,8 @@ class Refinery:
                     if np.any(np.abs(halved) > _STILL * there.sigma):
                         going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
             leader = max([leader, *(f.log_evidence for f in best.values())])
-            least = hopeless(leader, _BEHIND if turn < _LATE else _BEHIND_LATE)
-            ahead = [f for f in going if best[_key(f)].log_evidence >= least]
+            behind = _BEHIND if turn < _LATE else _BEHIND_LATE
+            ahead = [f for f in going if _in_reach(best[_key(f)], leader, behind)]
         return list(best.values())
 
     def _onward(self, fits: list[Fit], leader: float) -> list[Fit]:
@@ -210,11 +211,16 @@ class Refinery:
         moved = []
         for fit, weighed in zip(fits, self.weighed_all(fits), strict=True):
             still = bool(fit.terms) and bool(np.all(np.abs(weighed.step) <= _STILL * weighed.sigma))
-            if still or fit.log_evidence < hopeless(leader):
+            if still or not _in_reach(fit, leader, _BEHIND):
                 continue
             reach = _REACH * np.array([t.head.prior for t in fit.terms])
             moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
         return moved
+
+
+def _in_reach(fit: Fit, leader: float, behind: float) -> bool:
+    """Whether a fit may catch up with the leader; steps of the spreads alone bring tens at once."""
+    return fit.log_evidence >= hopeless(leader, behind if fit.terms else _BEHIND_ALONE)
 
 
 def hopeless(leader: float, behind: float = _BEHIND) -> float:
