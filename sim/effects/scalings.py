@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from sim.effects.base import Effect, EffectParameter, Values
 from sim.parameters import Converter, ParameterError
 from sim.prototype import prototype
@@ -15,6 +17,10 @@ def _scaled(old: Any, value: float) -> Any:
 
 def _added(old: Any, value: float) -> Any:
     return old + value
+
+
+def _shortened_to_nothing_at_most(old: Any, value: float) -> Any:
+    return np.maximum(old + value, 0.0)
 
 
 def _replaced(old: Any, value: float) -> Any:
@@ -154,7 +160,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="circuit",
         parameters=_parameter("error_s", "s", 8e-9, 80e-9, (-300e-9, 600e-9)),
         paths=("dead_time_s",),
-        change=_added,
+        change=_shortened_to_nothing_at_most,
         law=0.05,
         says="the dead time at the gates differs from its set value",
         check_on_bench="measure both gate signals of one leg at the switches with an oscilloscope",

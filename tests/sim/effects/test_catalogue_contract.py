@@ -1,6 +1,7 @@
 """One contract for every effect of the catalogue: off is off, smooth, bounded, in its own stage."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -209,3 +210,10 @@ def test_the_error_for_an_unknown_name_names_the_nearest() -> None:
 def test_a_name_near_nothing_is_refused_with_all_names() -> None:
     with pytest.raises(ParameterError, match=r"'zzzz'; known: ambient_drift, .*warm_up_drift"):
         effect("zzzz")
+
+
+def test_a_short_dead_time_is_shortened_to_nothing_at_most():
+    fast = replace(Model.baseline().converter, dead_time_s=100e-9)
+    shorter = Model(converter=fast).with_effect("dead_time", error_s=-250e-9)
+    result = simulate(shorter, Points(D1=0.9, D2=0.1, power_W=700.0))
+    assert np.isfinite(result["P1_W"]).all()
