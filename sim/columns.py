@@ -52,9 +52,12 @@ def columns(converter: Converter, state: OperatingState, points: Points) -> Arra
 
 def impossible(state: OperatingState, columns: Array) -> NDArray[np.str_]:
     """Why a state with these columns (C, N) cannot be, "" where it can: a part too hot, numbers that are none."""
-    hottest_C = np.max(list(state.temperatures.by_place().values()), axis=0)
+    by_place = state.temperatures.by_place()
+    temperatures_C = np.stack(np.broadcast_arrays(*by_place.values()))
+    names = np.array([place.replace("_", " ") for place in by_place])[np.argmax(temperatures_C, axis=0)]
+    too_hot = np.char.add(np.char.add("the ", names), f" would be hotter than {HOTTEST_C:.0f} degC")
     return np.select(
-        [~np.all(np.isfinite(columns), axis=0), hottest_C >= HOTTEST_C],
-        ["no finite solution", f"a part would be hotter than {HOTTEST_C:.0f} degC"],
+        [~np.all(np.isfinite(columns), axis=0), np.max(temperatures_C, axis=0) >= HOTTEST_C],
+        ["no finite solution", too_hot],
         default="",
     )

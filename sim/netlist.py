@@ -34,7 +34,8 @@ from sim.steady_state import lossless_start_A, magnetizing_current
 
 _ROUNDING_V = 1e-3
 _LEAK_S = 1e-8  # conductance of an open channel
-_RAMP_S = 2e-9  # of a gate: half a per cent of the dead time
+_RAMP = 0.005  # of the dead time: a gate's slope
+_NO_DEAD_TIME = 0.01  # of half a period: what stands for a dead time where there is none
 _CONDUCTING_V = 5.0  # a device with less across it conducts; what it loses with more is switching
 
 SETTLED = "I_L_rms_before_A"  # rms current of the period before those that are measured
@@ -51,14 +52,14 @@ _MEASURED = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settling:
-    """How long the circuit runs: periods to settle, periods that are measured, the longest step.
+    """How long the circuit runs: periods to settle, periods that are measured, the longest step over the dead time.
 
     Forty periods of the prototype are three of its time constants L/R and more.
     """
 
     settle_periods: int = 40
     measured_periods: int = 2
-    longest_step_s: float = 50e-9
+    longest_step: float = 0.125
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -151,6 +152,11 @@ class _Writer:
     def half_period_s(self) -> float:
         return self.converter.half_period_s
 
+    @property
+    def edge_s(self) -> float:
+        """The dead time, or what stands for it: ramps and steps are parts of it."""
+        return _scalar(self.converter.dead_time_s) or _NO_DEAD_TIME * self.half_period_s
+
     def lines(self) -> Iterator[str]:
         devices = [
             *self._primary_devices(),
@@ -178,11 +184,12 @@ class _Writer:
         """A switch opens at an edge, its complement closes a dead time later."""
         yield "* gates, from 0 to 1"
         period_s, dead_s = 2 * self.half_period_s, _scalar(self.converter.dead_time_s)
+        ramp_s = _RAMP * self.edge_s
         for gate, (on, off) in self._turns().items():
-            width_s = (off - on) * self.half_period_s - dead_s - 2 * _RAMP_S
+            width_s = (off - on) * self.half_period_s - dead_s - 2 * ramp_s
             start_s = (on * self.half_period_s + dead_s) % period_s
             start_s -= period_s * (start_s + width_s > period_s)
-            timing = f"{start_s:.9g} {_RAMP_S:g} {_RAMP_S:g} {width_s:.9g} {period_s:.9g}"
+            timing = f"{start_s:.9g} {ramp_s:g} {ramp_s:g} {width_s:.9g} {period_s:.9g}"
             yield f"V{gate} {gate} 0 PULSE(0 1 {timing})"
 
     def _turns(self) -> dict[str, tuple[float, float]]:
@@ -309,7 +316,8 @@ class _Writer:
         yield ".options reltol=1e-4 abstol=1e-4 vntol=1e-3 chgtol=1e-13 itl4=100 cshunt=1e-12 method=gear maxord=2"
         yield ".control"
         yield "save i(Vlink) i(Vtop) i(Vbottom) i(Vout) v(w) v(y) " + " ".join(f"v({n})" for n in nodes)
-        yield f"tran {s.longest_step_s:g} {stop_s:.9g} {start_s - period_s:.9g} {s.longest_step_s:g} uic"
+        step_s = s.longest_step * self.edge_s
+        yield f"tran {step_s:g} {stop_s:.9g} {start_s - period_s:.9g} {step_s:g} uic"
         yield f"let p1 = -{_scalar(self.solved.circuit.V1_V) / 2:.9g}*(i(Vtop) + i(Vbottom))"
         yield "let p2 = v(q)*i(Vout)"
         yield "let link = (v(w) - v(y))*i(Vlink)"

@@ -112,6 +112,10 @@ def _npc(rng: np.random.Generator, side: _Side) -> NpcBridge:
 def _switch(rng: np.random.Generator, side: _Side, part: str) -> Switch:
     """A transistor with a threshold or a synchronous channel, for 1 % of the power or so in losses."""
     V, current_A, synchronous = side.voltage_V, side.current_A, bool(rng.random() < 0.6)
+    resistance_Ohm = rng.uniform(0.002, 0.015) * V / current_A
+    beside_V = (
+        3 * resistance_Ohm * current_A if synchronous else 0.0
+    )  # the channel keeps its diode from conducting
     energy = SwitchingEnergy(
         energy_J=1e-4 * V * current_A / side.frequency_Hz, reference_V=V, reference_A=current_A,
         current_exponent=rng.uniform(0.8, 1.6), voltage_exponent=1.2,
@@ -120,10 +124,10 @@ def _switch(rng: np.random.Generator, side: _Side, part: str) -> Switch:
         part=part, synchronous=synchronous,
         on=Conduction(
             threshold_V=0.0 if synchronous else 0.01 * V * rng.uniform(0.2, 1.0),
-            resistance_Ohm=rng.uniform(0.002, 0.015) * V / current_A, resistance_per_K=0.005,
+            resistance_Ohm=resistance_Ohm, resistance_per_K=0.005,
         ),
         reverse=Conduction(
-            threshold_V=0.01 * V * rng.uniform(0.3, 1.5), resistance_Ohm=0.003 * V / current_A
+            threshold_V=0.01 * V * rng.uniform(0.3, 1.5) + beside_V, resistance_Ohm=0.003 * V / current_A
         ),
         turn_off=energy, turn_on=energy,
         recovery=Recovery(charge_C=1e-3 * current_A / side.frequency_Hz, reference_A=current_A),

@@ -20,6 +20,11 @@ Array = NDArray[np.float64]
 _HELD = 1.25  # of a nominal voltage: the supply and the controller hold them
 _MOST_OFF = 3.0  # of what the simulation expects: more is another unit
 _AMBIENT_C = (-40.0, 85.0)
+_WARM_ROOM_C = 45.0  # above it, a room may be one of 7 to 85 degC told in degrees Fahrenheit
+_FAHRENHEIT = (
+    1.8,
+    0.3,
+)  # kelvin of rise are as many degrees Fahrenheit; half of what would be an error of that size
 _STUCK = 1e-9  # relative: not even the last digit moves
 _MOVES = 5.0  # noise floors that a channel should move over the campaign before it is called stuck
 _ENOUGH = 6  # readings to judge a column by
@@ -46,13 +51,14 @@ class RejectedColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Column:
-    """Readings of one channel on loaded rows, what the baseline expects there, and D1 there, (n,)."""
+    """Readings of one channel on loaded rows, what the baseline expects there, D1 and the room there, (n,)."""
 
     name: str
     floor: float
     measured: Array
     expected: Array
     D1: Array
+    ambient_C: Array
 
 
 def check_inputs(observations: Observations, converter: Converter) -> None:
@@ -105,8 +111,16 @@ def check_set_points(observations: Observations, baseline: Model) -> None:
 def implausible(
     observations: Observations, expected: Array
 ) -> tuple[NDArray[np.bool_], list[RejectedColumn]]:
-    """Readings (M,) of columns that cannot be what they are called, and why; ``expected`` (M,) is the baseline's."""
-    D1 = np.asarray(observations.points.D1)[observations.row]
+    """Readings (M,) of columns that cannot be what they are called, and why; ``expected`` (M,) is the baseline's.
+
+    Raises
+    ------
+    ImplausibleTable
+        Temperatures of the room and of a part that look like degrees Fahrenheit.
+    """
+    D1, ambient_C = (
+        np.asarray(x)[observations.row] for x in (observations.points.D1, observations.points.ambient_C)
+    )
     judged = observations.loaded[observations.row] & np.isfinite(expected)
     rejected = []
     for k, channel in enumerate(observations.channels):
@@ -119,7 +133,9 @@ def implausible(
             measured=observations.value[at],
             expected=expected[at],
             D1=D1[at],
+            ambient_C=ambient_C[at],
         )
+        _refuse_fahrenheit(column)
         reason = next((said for judge in _JUDGES if (said := judge(column)) is not None), None)
         if reason is not None:
             rejected.append(RejectedColumn(column=channel.column, reason=reason))
@@ -128,6 +144,19 @@ def implausible(
     names = {r.column for r in rejected}
     places = [k for k, c in enumerate(observations.channels) if c.column in names]
     return np.isin(observations.channel, places), rejected
+
+
+def _refuse_fahrenheit(c: _Column) -> None:
+    """Every prediction stands on the room's temperature: a wrong one is not left out but refused."""
+    room_C = float(np.median(c.ambient_C))
+    if not c.name.startswith("T_") or room_C < _WARM_ROOM_C:
+        return
+    ratio = float(np.median((c.measured - c.ambient_C) / (c.expected - c.ambient_C)))
+    if abs(ratio - _FAHRENHEIT[0]) < _FAHRENHEIT[1]:
+        raise ImplausibleTable(
+            f"T_ambient_C, {c.name}: a room of {room_C:g}, and a rise {ratio:.2f} times what the model expects: this "
+            "looks like degrees Fahrenheit; temperatures are in degC"
+        )
 
 
 def _stuck(c: _Column) -> str | None:
@@ -139,12 +168,12 @@ def _stuck(c: _Column) -> str | None:
 
 def _other_unit(c: _Column) -> str | None:
     if c.name.startswith("T_"):
-        kelvin = float(np.median(c.measured)) > 200.0
-        return (
-            "above 200 degC in most rows: this looks like kelvin; temperatures are in degC"
-            if kelvin
-            else None
-        )
+        if float(np.median(c.measured)) > 200.0:
+            return "above 200 degC in most rows: this looks like kelvin; temperatures are in degC"
+        in_fahrenheit = np.median(np.abs(c.measured - (1.8 * c.expected + 32.0)))
+        if in_fahrenheit < _FAR_NEARER * np.median(np.abs(c.measured - c.expected)):
+            return "is far nearer to what is expected in degrees Fahrenheit; temperatures are in degC"
+        return None
     if c.name in ("D0", "P1_W"):
         return None
     ratio = float(np.median(c.measured / c.expected))
@@ -158,7 +187,10 @@ def _other_zero(c: _Column) -> str | None:
     if c.name != "D0":
         return None
     apart = c.measured - c.expected
-    if np.median(np.abs(apart)) < _SHIFT or np.median(np.abs(apart - (1 - c.D1))) > _SHIFT:
+    off, mirrored = float(np.median(np.abs(apart))), float(np.median(np.abs(c.measured + c.expected)))
+    if off > _SHIFT > mirrored and off > 2 * mirrored:
+        return "is the negative of what is expected: this D0 is positive where the primary leads; give -D0"
+    if off < _SHIFT or np.median(np.abs(apart - (1 - c.D1))) > _SHIFT:
         return None
     return "is 1 - D1 above what is expected: counted from S2's edge, where this D0 is from S1's; give D0 - (1 - D1)"
 

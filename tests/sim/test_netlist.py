@@ -64,5 +64,5 @@ def test_two_points_are_refused() -> None:
 
 
 def test_periods_and_steps_must_be_positive() -> None:
-    with pytest.raises(ParameterError, match="longest_step_s is 0"):
-        Settling(longest_step_s=0.0)
+    with pytest.raises(ParameterError, match="longest_step is 0"):
+        Settling(longest_step=0.0)

@@ -44,7 +44,9 @@ def test_a_campaign_as_it_should_be_keeps_all_columns(frame: pd.DataFrame) -> No
         ("I_L_rms_A", lambda f: 1000 * f["I_L_rms_A"], "another unit"),
         ("P_link1_W", lambda f: f["P_link1_W"] / 1000, "another unit"),
         ("T_inductor_C", lambda f: f["T_inductor_C"] + 273.15, "kelvin"),
+        ("T_heatsink_C", lambda f: 1.8 * f["T_heatsink_C"] + 32, "degrees Fahrenheit"),
         ("D0", lambda f: f["D0"] + 1 - f["D1"], "S2's edge"),
+        ("D0", lambda f: -f["D0"], "give -D0"),
     ],
 )
 def test_a_column_that_is_something_else_is_left_out(
@@ -89,3 +91,16 @@ def test_the_table_of_another_converter_is_refused(frame: pd.DataFrame) -> None:
 def test_a_room_in_kelvin_is_refused(frame: pd.DataFrame) -> None:
     with pytest.raises(ImplausibleTable, match=r"T_ambient_C: median 298.*kelvin"):
         check_inputs(observe(frame.assign(T_ambient_C=298.0), prototype()), prototype())
+
+
+def test_temperatures_and_a_room_in_fahrenheit_are_refused(frame: pd.DataFrame) -> None:
+    whole = frame.assign(T_ambient_C=25.0)
+    places = [name for name in whole if str(name).startswith("T_")]
+    with pytest.raises(ImplausibleTable, match=r"T_ambient_C, T_heatsink_C: a room of 77.*Fahrenheit"):
+        rejected(whole.assign(**{name: 1.8 * whole[name] + 32 for name in places}))
+
+
+def test_a_warm_chamber_is_a_room_like_others(frame: pd.DataFrame) -> None:
+    whole = frame.assign(T_ambient_C=25.0)
+    places = [name for name in whole if str(name).startswith("T_")]
+    assert rejected(whole.assign(**{name: whole[name] + 40.0 for name in places})) == []
