@@ -21,6 +21,7 @@ _HELD = 1.25  # of a nominal voltage: the supply and the controller hold them
 _MOST_OFF = 3.0  # of what the simulation expects: more is another unit
 _AMBIENT_C = (-40.0, 85.0)
 _WARM_ROOM_C = 45.0  # above it, a room may be one of 7 to 85 degC told in degrees Fahrenheit
+_FAR_NEARER = 0.25  # of the distance to what is expected: a part is hardly ever so far off
 _FAHRENHEIT = (
     1.8,
     0.3,
