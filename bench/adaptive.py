@@ -242,10 +242,13 @@ class _SoFar:
 
 
 def _is_settled(found: "Diagnosis", probability: float) -> bool:
-    """Whether all that is stated is as probable as asked for; a group is that by what it is."""
+    """Whether all that is stated is as probable as asked for; a group is that by what it is.
+
+    Few rows show nothing that is surely beyond an ordinary bench: what has to be probable is no cause at all.
+    """
     verdict = found.verdict
     if verdict.kind == "consistent":
-        return verdict.consistent_probability >= probability
+        return verdict.nothing_probability >= probability
     known = {cause.effect: cause.probability for cause in verdict.causes}
     named = all(known[name] >= probability for name in verdict.stated)
     return verdict.kind == "group" or (verdict.kind == "named" and named)

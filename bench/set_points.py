@@ -124,9 +124,20 @@ def _bad_cells(table: "pd.DataFrame", name: str, path: Path, lines: Sequence[int
     rows = np.flatnonzero(~(values.between(low, high) & np.isfinite(values)))
     where = [lines[row] if lines else int(row) + 2 for row in rows[:MOST_PROBLEMS]]
     return [
-        Problem(file=str(path), field=name, value=table[name].iloc[row], allowed=said, line=line)
+        Problem(
+            file=str(path),
+            field=name,
+            value=_told(values.iloc[row], table[name].iloc[row]),
+            allowed=said,
+            line=line,
+        )
         for row, line in zip(rows, where, strict=False)
     ]
+
+
+def _told(number: float, cell: object) -> object:
+    """A cell as its number, and as it stands where it is none."""
+    return float(number) if np.isfinite(number) else cell
 
 
 def _checked(converter: Converter, columns: dict[str, NDArray[np.float64]], where: str, field: str) -> None:

@@ -57,8 +57,8 @@ class Verdict:
     """``kind`` is consistent, named, group or unknown; causes by probability; the tied groups.
 
     ``stated`` are the effects that the verdict stands for: the named ones, or the first of each group.
-    ``consistent_probability`` is that of nothing beyond an ordinary bench, ``unknown_probability`` that of a leftover
-    which is more than the model's own shortcomings.
+    ``consistent_probability`` is that of nothing beyond an ordinary bench, ``nothing_probability`` that of no cause at
+    all, ``unknown_probability`` that of a leftover which is more than the model's own shortcomings.
     """
 
     kind: str
@@ -66,6 +66,7 @@ class Verdict:
     groups: tuple[tuple[str, ...], ...]
     stated: tuple[str, ...]
     consistent_probability: float
+    nothing_probability: float
     unknown_probability: float
 
 
@@ -177,6 +178,7 @@ def judge(
         groups=tied,
         stated=named or tuple(group[0] for group in groups),
         consistent_probability=ordinary,
+        nothing_probability=sum(h.probability for h in bare if h.leftover is None),
         unknown_probability=1.0 if misfit > _UNEXPLAINED else beyond,
     )
 
