@@ -135,7 +135,7 @@ def _convert(frame: pd.DataFrame, numeric: Collection[str]) -> None:
     once = [column for column in frame.columns if list(frame.columns).count(column) == 1]
     numbers = [column for column in once if column in numeric]
     for column in numbers:
-        frame[column] = [v.replace(_MINUS, "-") if v is not None else None for v in frame[column]]
+        frame[column] = [v.replace(_MINUS, "-") if isinstance(v, str) else None for v in frame[column]]
     if not any("." in value for column in numbers for value in frame[column].dropna()):
         for column in numbers:
             frame[column] = _with_point(frame[column])
@@ -145,7 +145,7 @@ def _convert(frame: pd.DataFrame, numeric: Collection[str]) -> None:
 
 
 def _with_point(column: Iterable[str | None]) -> list[str | None]:
-    return [v.replace(",", ".") if v is not None and _DECIMAL_COMMA.fullmatch(v) else v for v in column]
+    return [v.replace(",", ".") if isinstance(v, str) and _DECIMAL_COMMA.fullmatch(v) else v for v in column]
 
 
 def _inferred(column: pd.Series) -> pd.Series:

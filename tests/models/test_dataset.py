@@ -339,3 +339,9 @@ def _accepted_or_refused(source, count):
     assert np.isfinite(result.frame["P1_W"]).all()
     if count is not None:
         assert len(result.frame) + len(result.rejected) == count
+
+
+def test_cells_that_are_missing_are_told_as_missing(tmp_path):
+    (tmp_path / "m.csv").write_text("D1,D2,P2_W,P1_W\n0\n,0")
+    with pytest.raises(DatasetError, match=r"none of 2 rows can be used; row 1 \(line 2\), D2 = nan"):
+        load_measurements(tmp_path / "m.csv")
