@@ -4,7 +4,7 @@ import numpy as np
 
 from sim.model import Model
 from sim.operating_points import Points
-from sim.solved import solve_points
+from sim.solved import Solved, solve_points
 from sim.stepping import Stepper, Steps, Trace, settle
 
 
@@ -23,7 +23,11 @@ def oscillogram(model: Model, points: Points, steps: Steps | None = None) -> Tra
     >>> trace.vp_V.max().round().item(), trace.vs_V.max().round().item()
     (300.0, 140.0)
     """
-    solved = solve_points(model, points)
+    return oscillogram_of(solve_points(model, points), steps)
+
+
+def oscillogram_of(solved: Solved, steps: Steps | None = None) -> Trace:
+    """The same of points that are solved already."""
     half = settle(Stepper(circuit=solved.circuit, steps=steps or Steps()), solved.edges).trace
     return Trace(
         time_s=np.concatenate([half.time_s, half.time_s + solved.circuit.half_period_s]),

@@ -17,8 +17,8 @@ from bench.table_file import ENDINGS, write_table
 from bench.wording import join
 from sim.modulation import EDGES
 from sim.operating_points import Points
-from sim.oscillogram import oscillogram
-from sim.simulate import simulate
+from sim.oscillogram import oscillogram_of
+from sim.solved import solve_points
 
 app = typer.Typer()
 
@@ -63,9 +63,9 @@ def waveform_(
     model = model_from(model_file)
     V1_V, V2_V = voltages_V or (model.converter.V1_V, model.converter.V2_V)
     point = Points(D1=D1, D2=D2, power_W=power_W, V1_V=V1_V, V2_V=V2_V)
-    trace = oscillogram(model, point)
-    solved = simulate(model, point)
-    for line in _lines({name: float(values[0]) for name, values in solved.values.items()}):
+    solved = solve_points(model, point)
+    trace = oscillogram_of(solved)
+    for line in _lines({name: float(values[0]) for name, values in solved.result.values.items()}):
         out.print(escape(line))
     title = f"simulated: D1 = {D1:g}, D2 = {D2:g}, {power_W:g} W, {V1_V:g} V to {V2_V:g} V"
     for file in out_files:
