@@ -92,6 +92,11 @@ class Observations:
         """Mask over the frame's rows: those that carry power."""
         return self.frame["kind"].isin(LOADED).to_numpy()
 
+    @property
+    def efficiency_alone(self) -> bool:
+        """Whether nothing but efficiency was measured."""
+        return len(self.channels) == 1
+
     def take(self, readings: NDArray[np.bool_]) -> Self:
         """Some of the readings; the frame keeps all its rows."""
         return replace(

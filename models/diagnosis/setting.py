@@ -61,7 +61,7 @@ def set_up(
     best = bench.settled(first)
     if (steadier := _steadier(observations, noise, first)) is not None:
         best = max(best, bench.settled(steadier), key=lambda settled: settled.log_evidence)
-    if len(observations.channels) == 1:
+    if observations.efficiency_alone:
         bench, best = _narrowed(bench, best)
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
     near, lines = known.start(observations, baseline)

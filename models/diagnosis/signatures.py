@@ -164,7 +164,7 @@ def signatures(
         start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
         models.append(baseline.with_effect(name, **{entry.headline.name: start + step_of(entry), **other}))
     models += [Model(converter=s.shifted(baseline.converter, 1.0), effects=baseline.effects) for s in spreads]
-    limit = [k for k, s in enumerate(spreads) if s.path == _LIMIT and len(observations.channels) == 1]
+    limit = [k for k, s in enumerate(spreads) if s.path == _LIMIT and observations.efficiency_alone]
     models += [Model(converter=spreads[k].shifted(baseline.converter, -1.0), effects=present) for k in limit]
     used, row = np.unique(observations.row, return_inverse=True)
     at, near = observations.points.take(used), near or observations.reference(baseline)
@@ -253,7 +253,7 @@ def margin(observations: Observations) -> float:
     Closer to the most that they can carry, D0 answers to everything at once and not linearly. The input power does so
     far less: where it is all there is, what it bends by is known of every reading (``input_sigma``).
     """
-    return _EDGE_ALONE if len(observations.channels) == 1 else _EDGE
+    return _EDGE_ALONE if observations.efficiency_alone else _EDGE
 
 
 def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bool_]:

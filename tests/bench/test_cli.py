@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench import cli
 from bench.errors import BenchUnsafe, InputError
 from bench.process import Owner
 from bench.store import Provenance, Store, database_url
 from bench.toml_file import read_toml, to_toml
 from drivers.errors import LinkTimeout
+from tests.bench.command_line import d2ea
 from tests.bench.fake_bench import BENCH, CAMPAIGN
 
 VERBS = (
@@ -28,12 +28,6 @@ VERBS = (
 def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("D2EA_DB", raising=False)
-
-
-def d2ea(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        cli.main(arguments)
-    return int(ended.value.code or 0)
 
 
 def bench_file(**changes: object) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bench import cli
+from tests.bench.command_line import d2ea
 
 POINT = ("--D1", "0.8", "--D2", "0.1", "--P", "800")
 
@@ -13,12 +13,6 @@ POINT = ("--D1", "0.8", "--D2", "0.1", "--P", "800")
 @pytest.fixture(autouse=True)
 def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-
-def d2ea(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        cli.main(arguments)
-    return int(ended.value.code or 0)
 
 
 def test_the_file_names_its_point(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench import cli
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import simulate
+from tests.bench.command_line import d2ea
 
 POINT = ("--D1", "0.8", "--D2", "0.1", "--P", "800")
 
@@ -18,12 +18,6 @@ POINT = ("--D1", "0.8", "--D2", "0.1", "--P", "800")
 @pytest.fixture(autouse=True)
 def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-
-def d2ea(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        cli.main(arguments)
-    return int(ended.value.code or 0)
 
 
 def test_samples_have_the_currents_that_are_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,15 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from bench import cli
 from experiments import command
+from tests.bench.command_line import d2ea
 from tests.experiments.fabricated import ENTRY
-
-
-def d2ea(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        cli.main(arguments)
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture
