@@ -30,11 +30,14 @@ from bench.wording import (
     probable_causes,
     verdict_text,
 )
+from sim.effects.catalogue import effect
 
 _SWITCH_OFF = "Switch the bench off by hand and check it: power-off was not confirmed."
 AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
 STEPS_SHOWN = 3  # of what to measure next, among what to do
 ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
+LIKELY = 0.5  # probability from which a cause's value is doubted where it is as large as is searched
+_NEAR_AN_END = 1e-3  # of the range that is searched
 OPTIMUM = ["P_W", "D1", "D2", "predicted", "measured"]
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -113,9 +116,38 @@ def actions(data: ReportData) -> list[str]:
     return [*off, *diagnosis_actions(data.diagnosis)]
 
 
+def question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
+    """What to ask first where nothing known explains the gap, or only a cause as large as is searched; else empty.
+
+    A model file of another converter, or a column in another unit, does either.
+    """
+    reasons = [
+        f"{effect_name(cause['effect'])} is as far off as is searched ({parameter_text(cause['parameters'][0])})"
+        for cause in probable_causes(diagnosis, LIKELY)
+        if cause.get("parameters") and _at_an_end(cause["effect"], float(cause["parameters"][0]["value"]))
+    ]
+    if not reasons and diagnosis.get("verdict") == "unknown":
+        reasons = ["no known cause explains the gap"]
+    if not reasons:
+        return ""
+    return (
+        "Make sure first that the model describes the converter that was measured, and that every column is in its "
+        f"unit: {join(reasons)}."
+    )
+
+
+def _at_an_end(name: str, value: float) -> bool:
+    """Whether an effect's value is where the search for it ends."""
+    head = effect(name).headline
+    near = _NEAR_AN_END * (head.upper - head.lower)
+    return min(value - head.lower, head.upper - value) <= near
+
+
 def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What a diagnosis asks for, the most urgent first."""
-    todo = [
+    asked = question_of_the_model(diagnosis)
+    todo = [asked] if asked else []
+    todo += [
         f"Check {effect_name(cause['effect'])}: {check}."
         for cause in probable_causes(diagnosis, ASKED_AFTER)
         if (check := cause.get("check"))

@@ -31,6 +31,8 @@ from models.registry import ModelRecord, Origin, Registry
 
 app = typer.Typer()
 
+_FAR_OFF = 0.01  # of efficiency, as a mean: more than parts and instruments inside their tolerances do
+
 Seed = Annotated[int, typer.Option(min=0, help="of the split")]
 
 
@@ -51,6 +53,7 @@ def train_(
     simulated = simulated_table(simulator)
     stamp(bool(measured.virtual))
     out.print(f"{len(measured)} measured and {len(simulated)} feasible simulated points")
+    doubts = ""
     table = Table("model", "kind", "mean abs error", "worst", "points judged", box=None)
     trainer = Trainer(simulator=simulator, simulated=tenth_of(simulated, seed=seed), say=_progress)
     for kind in KINDS:
@@ -63,7 +66,11 @@ def train_(
         error = trained.held_out
         mean, worst = (f"{points_text(value)} points" for value in (error.mean_abs, error.worst_abs))
         table.add_row(record.id, kind, mean, worst, str(error.points))
+        if kind == "simulation_only" and error.mean_abs > _FAR_OFF:
+            doubts = f"the simulation is {mean} off: d2ea diagnose {data} says why; --sim-model takes another converter"
     out.print(table)
+    if doubts:
+        out.print(escape(doubts))
     out.print(
         "errors are of efficiency, on measured set points that were not fitted; models kept use all rows"
     )

@@ -250,6 +250,18 @@ def test_too_few_rows_to_calibrate_leave_the_other_kinds(
     assert " d2ea " in printed.out
 
 
+def test_training_asks_where_the_simulation_is_far_off(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bench.commands.learn.KINDS", ("simulation_only",))
+    table = pd.read_csv(measured_table())
+    for off, asked in ((0.0, False), (-0.03, True)):
+        shifted = table.assign(P1_W=table["P2_W"] / (table["P2_W"] / table["P1_W"] + off))
+        shifted.to_csv("shifted.csv", index=False)
+        assert d2ea("train", "shifted.csv") == 0
+        assert ("d2ea diagnose shifted.csv says why" in capsys.readouterr().out) is asked
+
+
 def test_too_few_rows_to_train_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert d2ea("train", measured_table(rows=5)) == 2
     assert "at least 10 are needed" in capsys.readouterr().err

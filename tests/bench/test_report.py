@@ -167,6 +167,22 @@ def test_actions_follow_the_verdict(data):
     assert len(agreed) == 3
 
 
+def test_a_cause_as_large_as_is_searched_asks_for_the_model_first(data):
+    leakage = CAUSE | {"effect": "leakage_inductance"}
+    inside, at_the_end = (
+        leakage | {"parameters": [{"name": "relative_error", "value": value, "off": 0.0}]}
+        for value in (0.29, 0.3)
+    )
+    asked = [actions(replace(data, diagnosis=DIAGNOSIS | {"causes": [c]}))[0] for c in (inside, at_the_end)]
+    assert asked[0].startswith("Check leakage inductance")
+    assert asked[1].startswith("Make sure first that the model describes the converter that was measured")
+    assert asked[1].endswith("leakage inductance is as far off as is searched (relative error +30 %).")
+    faint = at_the_end | {"probability": 0.3}
+    assert "Make sure" not in actions(replace(data, diagnosis=DIAGNOSIS | {"causes": [faint]}))[0]
+    unknown = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "unknown"}))
+    assert unknown[0].endswith("in its unit: no known cause explains the gap.")
+
+
 def test_words_from_outside_are_escaped(data, tmp_path):
     nasty = "</script><script>alert(1)</script>"
     text = body(replace(data, notes=(nasty,), bench=nasty), tmp_path)
