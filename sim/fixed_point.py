@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.neighbours import settled_alone
 from sim.operating_points import Points
 from sim.parameters import Converter
+from sim.stacking import pick
 from sim.station import KELVIN, LEAST_W, POWER, OperatingState, Slow, Station, WarmStart, station_of
 from sim.steady_state import COARSE, FINE
 
@@ -14,6 +16,7 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 32
 _LIGHT = 7  # rounds of one step of Newton's rule each; what is open then has its orbits closed before losses are asked
+_FEW, _SHARE = 40, 1 / 30  # of all: so few settle sooner by a response of their own
 _BRANCH = 0.005  # of Th: a longer last step of the phase leads to another solution
 _ABSURD = 3.0  # times the power of the round before, or the rated one
 _MODERATE_K = 20.0  # above ambient
@@ -70,6 +73,7 @@ def _stated(station: Station) -> tuple[Station, OperatingState]:
         if np.all(state.regulated.reached):
             return left, state
         station.known.reached[rows] = state.regulated.reached
+        station.known.most_W[rows] = state.regulated.most_W
 
 
 def _stated_anew(
@@ -87,9 +91,14 @@ def _stated_anew(
 def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None:
     """Rounds on some points of a station, which is written to, until temperatures and power have settled.
 
-    What never settles is not reached.
+    The few that are open after the light ones settle by Newton's rule on all at once (:mod:`sim.neighbours`) where they
+    can. What never settles is not reached.
     """
     for turn in range(_ROUNDS):
+        if turn >= _LIGHT and busy.size <= max(_FEW, _SHARE * len(station.points)):
+            busy = _left_open(station, busy)
+            if not busy.size:
+                return
         part = station.take(busy)
         if turn < _LIGHT:
             (state, onward), stays = part.follow(), np.ones(busy.size, dtype=bool)
@@ -107,6 +116,15 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
         if not busy.size:
             return
     station.known.reached[busy], station.known.most_W[busy] = False, np.nan
+
+
+def _left_open(station: Station, busy: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which of the busy points do not settle by a response of their own; those that do are written to the station."""
+    settled, there = settled_alone(station.take(busy))
+    done = np.flatnonzero(settled)
+    station.known.put(busy[done], there.known.take(done))
+    station.slow.put(busy[done], pick(there.slow, done).by_name())
+    return busy[~settled]
 
 
 def _possible(part: Station, ahead: Slow) -> NDArray[np.bool_]:

@@ -35,16 +35,18 @@ _AGAIN, _HANDFUL = (
     40,
 )  # from the second look on so few have their own response taken: it costs no more than a look
 _ANEW = (
-    5  # times that those put aside have their response taken: rounds of a single point cost ten such looks
+    4  # times that those put aside have their response taken: rounds of a single point cost ten such looks
 )
 _FEW, _SHARE = 60, 1 / 30  # of all: more would cost as much as they save
 _SHORTER = 0.5  # times the last step: a point whose steps are not is put aside
 _LEAST, _MOST = 0.2, 6.0  # how much of a step the last one may make of it
 _STATE_UNIT = (1.0, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)  # A, Th: start current, delays, phase
+_RESTS_A = 1e-12  # a current that rests has no sign, which the rounding of a step must not give it
 _SLOW_UNIT = {"I1_A": 0.1}  # the others: 1 K, 1 W
 _DIFFERENCE = 1e-3  # of the units
 _LAST = 2e-3  # of the units, and of a kilowatt: the response is right to some per cent of what a step does
 _LAST_W = 1e-3  # of the power: the unit of one at that scale
+_LEAST_STEP = 2e-5  # the same where no reference is at hand: some losses rise by 50 kW for a Th
 _MISSED = 0.2  # of a power that is missed at the phase: as much of a step of power
 
 
@@ -73,7 +75,8 @@ def _units(station: Station) -> Array:
 def _at(station: Station, unknowns: Array) -> Station:
     """The station with other unknowns (n, N)."""
     z, known = unknowns * _units(station), station.known
-    orbit = replace(known.orbit, start_A=z[0], delay=z[1:5])
+    start_A = np.where(np.abs(z[0]) < _RESTS_A, 0.0, z[0])
+    orbit = replace(known.orbit, start_A=start_A, delay=z[1:5])
     slow = Slow.of(dict(zip(station.slow.by_name(), z[6:], strict=True)))
     return replace(station, warm=replace(known, phase=z[5], orbit=orbit), slow=slow)
 
@@ -158,11 +161,11 @@ class Look:
         return Look(columns=told, why=self.why[chosen], missed=missed)
 
 
-def _short(station: Station, step: Array, missed: Array) -> NDArray[np.bool_]:
+def _short(station: Station, step: Array, missed: Array, last: float = _LAST) -> NDArray[np.bool_]:
     """Whether a step (n, N) from what is missed (n, N) is one to end with."""
     kilowatts = _LAST_W * np.maximum(np.abs(np.asarray(station.points.power_W)), LEAST_W)
     power_W = np.maximum(np.abs(step[-2]), _MISSED * np.abs(missed[5]))
-    return np.asarray(np.all(np.abs(step) < _LAST, axis=0) & (power_W < _LAST * kilowatts))
+    return np.asarray(np.all(np.abs(step) < last, axis=0) & (power_W < last * kilowatts))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,19 +181,27 @@ class Found:
     unknowns: Array
 
 
-def approach(station: Station, response: Response, origin: Rows) -> Iterator[Found]:
+def approach(
+    station: Station,
+    response: Response,
+    origin: Rows,
+    look: Look | None = None,
+    *,
+    anew: int = _ANEW,
+    last: float = _LAST,
+) -> Iterator[Found]:
     """Look after look at N variants, each of the point ``origin`` (N,) of the response; as they settle, what is found.
 
-    What strays is put aside until all others are done.
+    The first look is given where there is one. What strays is put aside until all others are done, and then has its
+    response taken ``anew``, so many times. A step below ``last`` of the units is the last one.
     """
     whole, rows, z = station, np.arange(origin.size), _unknowns(station)
-    look: Look | None = None
-    for _ in range(_ANEW):
+    for times in range(anew + 1):
         aside, steps = list[tuple[Rows, Array]](), list[Array]()
         for turn in range(_ROUNDS):
             look = look or Look.at(station)
             step = _taught(response.step(origin, look.missed), steps)
-            ends = _short(station, step, look.missed)
+            ends = _short(station, step, look.missed, last)
             if np.any(ends):
                 done = np.flatnonzero(ends)
                 there = look.take(done)
@@ -208,14 +219,23 @@ def approach(station: Station, response: Response, origin: Rows) -> Iterator[Fou
             strayed, going = np.flatnonzero(~ends & ~onward), np.flatnonzero(~ends & onward)
             aside.append((rows[strayed], z.take(strayed, axis=1)))
             rows, origin, z = rows[going], origin[going], (z + step).take(going, axis=1)
-            if going.size <= (_HANDFUL if turn >= _AGAIN else 0):
+            if going.size <= (_HANDFUL if turn >= _AGAIN and times < anew else 0):
                 break
             steps, station = [s.take(going, axis=1) for s in (*steps, step)], ahead.take(going)
         rows, z = (np.concatenate(parts, axis=-1) for parts in zip((rows, z), *aside, strict=True))
-        if not rows.size or rows.size > max(_FEW, _SHARE * len(whole.points)):
+        if not rows.size or rows.size > max(_FEW, _SHARE * len(whole.points)) or times == anew:
             return
         station, origin = _at(whole.take(rows), z), np.arange(rows.size)
         response, look = Response.of(station)
+
+
+def settled_alone(station: Station) -> tuple[NDArray[np.bool_], Station]:
+    """Which points settle by a response of their own, and the station with those there; the others are as they were."""
+    settled, z = np.zeros(len(station.points), dtype=bool), _unknowns(station)
+    response, look = Response.of(station)
+    for found in approach(station, response, np.arange(settled.size), look, anew=0, last=_LEAST_STEP):
+        settled[found.rows], z[:, found.rows] = True, found.unknowns
+    return settled, _at(station, z)
 
 
 def _taught(step: Array, steps: list[Array]) -> Array:

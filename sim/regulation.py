@@ -147,17 +147,20 @@ def regulate(
         search = _Bracketed.of(
             circuit.take(again), edges.take(again, axis=1), way[again], state.take(again, axis=1), accuracy
         )
-        found = search.solve(way[again] * target_W[again])
-        found_state, met[again], limit[again], most_W[again] = found
-        state[:, again], part, _ = settle(
-            circuit.take(again),
-            edges.take(again, axis=1),
-            found_state,
-            None,
-            accuracy=accuracy,
-            rounds=_POLISH,
-        )
-        orbit = orbit.renewed(again, part)
+        found, met[again], limit[again], most_W[again] = search.solve(way[again] * target_W[again])
+        state[:, again] = found
+        reached = np.flatnonzero(met[again])
+        again = again[reached]
+        if again.size:
+            state[:, again], part, _ = settle(
+                circuit.take(again),
+                edges.take(again, axis=1),
+                found.take(reached, axis=1),
+                None,
+                accuracy=accuracy,
+                rounds=_POLISH,
+            )
+            orbit = orbit.renewed(again, part)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
 
 

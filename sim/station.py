@@ -1,6 +1,7 @@
 """Operating points in work: what is solved for, what the losses make of it, and the balance of powers."""
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -156,10 +157,14 @@ class Station:
         return self.warm
 
     def solve(self, accuracy: Accuracy) -> OperatingState:
-        """Regulate at the present temperatures and account for the losses there."""
+        """Regulate at the present temperatures and account for the losses there.
+
+        Of points whose power is not reached nothing else is known.
+        """
         circuit = self._circuit()
         regulated = regulate(circuit, self.edges, self.slow.target_W, warm=self.warm, accuracy=accuracy)
-        return self._account(regulated)
+        with nullcontext() if np.all(regulated.reached) else np.errstate(all="ignore"):
+            return self._account(regulated)
 
     def within_reach(self) -> NDArray[np.bool_]:
         """Whether the power can be carried at the present temperatures, (N,)."""
