@@ -1,0 +1,244 @@
+"""A phase looked for in a bracket, where Newton's rule from afar does not find it: near the most that can flow.
+
+All is seen in forward terms: where power flows to the primary, phase and power are mirrored.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.piecewise import phase_for_share, power_share
+from sim.steady_state import NEAR, SHIFT, Accuracy, Demand, Orbit, periodic, settle
+from sim.waveform import Circuit, lossless_start_A
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_LEAST_W = 10.0  # scale of the tolerance for small powers
+_BELOW = 8.0  # dead times below phase 0: delays of unequal edges carry power to narrow pulses there
+_ROOT_STEPS = 40
+_TRIES = 9  # rounds of it
+_ROUND = 4  # every so many steps Newton's rule is tried inside the bracket
+_FEW = 50  # points that are looked for at many phases at once: it costs no more than two steps
+_AROUND = np.linspace(1.0, 0.0, 14)[1:-1] ** 2
+_BISECT = 6  # every so many steps the bracket is halved, in case the secant creeps
+_SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: two scans narrow the phase to 2e-3, the power to 1e-5
+_SCAN_ROUNDS = (3, 2)  # of Newton's rule in each: its error is then below that of the scan
+_HIGH, _FURTHEST = (
+    0.9,
+    0.52,
+)  # a peak is where the lossless power is this share of its most, or a little beyond
+_PEAK_ABOVE = 0.95  # the peak stands above the power at phase 1/2 by less than this leaves
+
+
+def lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
+    """A phase that carries no power whatever the delays: the pulses' centres some dead times the other way."""
+    between_centres = np.mean(edges[2:], axis=0) - np.mean(edges[:2], axis=0)
+    return np.asarray(-way * between_centres - _BELOW * circuit.dead_time_s / circuit.half_period_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bracketed:
+    """A circuit, its edges at phase 0, and the start that each solution leaves for the next; phases in forward terms.
+
+    What is kept of a start current is its excess over the lossless one, which hardly moves with the phase.
+    """
+
+    circuit: Circuit
+    edges: Array
+    way: Array
+    accuracy: Accuracy
+    excess_A: Array
+    delay: Array
+
+    @classmethod
+    def of(cls, circuit: Circuit, edges: Array, way: Array, state: Array, accuracy: Accuracy) -> Self:
+        """From wherever Newton's rule has left the points: their delays are kept, their currents not trusted."""
+        return cls(
+            circuit=circuit, edges=edges, way=way, accuracy=accuracy, excess_A=np.zeros(way.size),
+            delay=state[1:5].copy(),
+        )  # fmt: skip
+
+    def power(self, phase: Array, chosen: Index) -> Array:
+        """Power at a phase for some of the points; keeps the orbit as their next start."""
+        orbit = self._orbit(phase, chosen)
+        edges = self.edges.take(chosen, axis=1) + SHIFT * (self.way[chosen] * phase)
+        self._keep(chosen, edges, np.concatenate([orbit.start_A[None], orbit.delay]))
+        return np.asarray(self.way[chosen] * orbit.output_power_W())
+
+    def _keep(self, chosen: Index, edges: Array, state: Array) -> None:
+        """Start current and delays, the first rows of a state, as the next start of some points."""
+        self.delay[:, chosen] = state[1:5]
+        self.excess_A[chosen] = state[0] - lossless_start_A(self.circuit.take(chosen), edges + state[1:5])
+
+    def powers(self, phases: Array, chosen: Index, rounds: int) -> tuple[Array, Array]:
+        """Powers (K, M) at many phases of some of the points, all at once, and the states (6, K, M) there."""
+        repeated = np.tile(chosen, phases.shape[0])
+        circuit, edges, guess = self._guess(phases.ravel(), repeated)
+        state, orbit, _ = settle(circuit, edges, guess, None, accuracy=NEAR, rounds=rounds)
+        powers = (self.way[repeated] * orbit.output_power_W()).reshape(phases.shape)
+        return powers, state.reshape(6, *phases.shape)
+
+    def _guess(self, phase: Array, chosen: Index) -> tuple[Circuit, Array, Array]:
+        """Circuit, edges and first state (6, M) of some of the points at a phase."""
+        circuit = self.circuit.take(chosen)
+        edges, delay = (
+            self.edges.take(chosen, axis=1) + SHIFT * (self.way[chosen] * phase),
+            self.delay.take(chosen, axis=1),
+        )
+        start_A = lossless_start_A(circuit, edges + delay) + self.excess_A[chosen]
+        return circuit, edges, np.concatenate([start_A[None], delay, np.zeros((1, phase.size))])
+
+    def _orbit(self, phase: Array, chosen: Index) -> Orbit:
+        circuit, edges, guess = self._guess(phase, chosen)
+        return periodic(circuit, edges, guess[0], guess[1:5], self.accuracy)
+
+    def solve(self, goal_W: Array) -> tuple[Array, NDArray[np.bool_], Array, Array]:
+        """States (6, N), whether the power is met, the end of the rising branch, and the most that flows."""
+        tolerance, limit = self.accuracy.power, np.full(goal_W.size, 0.5)
+        most_W = self.power(limit, np.arange(goal_W.size))
+        little = np.flatnonzero((most_W < goal_W) & (most_W > _PEAK_ABOVE * goal_W))
+        limit[little], most_W[little], phases, powers = self._peak(little)
+        search = _Search.between(lowest_phase(self.circuit, self.edges, self.way), limit, goal_W)
+        search.short[:] = most_W < goal_W * (1.0 - tolerance)
+        search.descend(most_W, self._lossless_phase(goal_W / most_W, limit))
+        search.narrow(little, phases, powers)
+        for step in range(_ROOT_STEPS):
+            if step % _ROUND == 0:
+                self._settle(search)
+            if step == 0 and search.busy().size <= _FEW:
+                self._look_around(search)
+                self._settle(search)
+            busy = search.busy()
+            if not busy.size:
+                break
+            power_W = self.power(search.phase[busy], busy)
+            search.learn(busy, power_W, tolerance)
+            search.move(busy, power_W, bisect=step % _BISECT == _BISECT - 1)
+        at = self.edges + SHIFT * (self.way * search.phase)
+        start_A = self.excess_A + lossless_start_A(self.circuit, at + self.delay)
+        state = np.concatenate([start_A[None], self.delay, (self.way * search.phase)[None]])
+        return state, search.reached, limit, most_W
+
+    def _lossless_phase(self, share: Array, limit: Array) -> Array:
+        """Smallest phase of a share of the power at the limit, on the lossless curve of edges with the last delays."""
+        edges = self.edges + self.delay
+        most = self.way * power_share(edges + SHIFT * (self.way * limit))[0]
+        return phase_for_share(share * most, edges, self.way)
+
+    def _settle(self, search: "_Search") -> None:
+        """Newton's rule inside the brackets."""
+        busy = search.busy()
+        if not busy.size:
+            return
+        way = self.way[busy]
+        circuit, _, state = self._guess(search.phase[busy], busy)
+        state[5] = way * search.phase[busy]
+        ends = np.sort(np.stack([way * search.low[busy], way * search.high[busy]]), axis=0)
+        demand = Demand(power_W=way * search.goal_W[busy], lowest=ends[0], highest=ends[1])
+        state, _, met = settle(
+            circuit, self.edges.take(busy, axis=1), state, demand, accuracy=self.accuracy, rounds=_TRIES
+        )
+        search.phase[busy[met]] = way[met] * state[5, met]
+        search.reached[busy[met]] = True
+        self._keep(busy[met], self.edges[:, busy[met]] + SHIFT * state[5, met], state[:, met])
+
+    def _look_around(self, search: "_Search") -> None:
+        """Narrow the brackets by many phases at once, the closer the nearer to the upper end."""
+        busy = search.busy()
+        if not busy.size:
+            return
+        low, high = search.low[busy], search.high[busy]
+        phases = high - (high - low) * _AROUND[:, None]
+        search.narrow(busy, phases, self.powers(phases, busy, _SCAN_ROUNDS[0])[0])
+
+    def _peak(self, points: Index) -> tuple[Array, Array, Array, Array]:
+        """Phase and power at the peak of some points, by ever closer scans; their rising phases (K, M) and powers.
+
+        The first one is wide because a leg that turns from hard to soft near the peak can give it a second summit.
+        """
+        edges, way = self.edges.take(points, axis=1), self.way[points]
+        most = np.abs(power_share(edges + SHIFT * (0.5 * way))[0])
+        lowest = phase_for_share(_HIGH * most, edges, way)
+        centre, width = 0.5 * (lowest + _FURTHEST), 0.5 * (_FURTHEST - lowest)
+        seen = []
+        for rounds in _SCAN_ROUNDS:
+            phases = centre + width * _SCAN[:, None]
+            powers, states = self.powers(phases, points, rounds)
+            seen.append((phases, powers))
+            best = np.argmax(powers, axis=0), np.arange(points.size)
+            centre, width = phases[best], width * (_SCAN[1] - _SCAN[0])
+            most_W = powers[best]
+            self._keep(points, edges + SHIFT * (way * centre), states[:, *best])
+        phases, powers = (np.concatenate(x) for x in zip(*seen, strict=True))
+        order = np.argsort(phases, axis=0)
+        rising = (np.take_along_axis(values, order, axis=0) for values in (phases, powers))
+        return centre, most_W, *rising
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Search:
+    """A secant kept in a bracket, for N points at once; its arrays (N,) are worked on in place."""
+
+    goal_W: Array
+    limit: Array
+    phase: Array
+    low: Array
+    high: Array
+    last_phase: Array
+    last_W: Array
+    reached: NDArray[np.bool_]
+    short: NDArray[np.bool_]
+
+    @classmethod
+    def between(cls, low: Array, limit: Array, goal_W: Array) -> Self:
+        """A search that starts at the upper end."""
+        unknown, no = np.full(low.size, np.nan), np.zeros(low.size, dtype=bool)
+        return cls(
+            goal_W=goal_W, limit=limit, phase=limit.copy(), low=low.copy(), high=limit.copy(),
+            last_phase=unknown.copy(), last_W=unknown.copy(), reached=no.copy(), short=no.copy(),
+        )  # fmt: skip
+
+    def busy(self) -> Index:
+        """Points neither reached nor out of reach."""
+        return np.flatnonzero(~self.reached & ~self.short)
+
+    def descend(self, most_W: Array, phase: Array) -> None:
+        """From the power at the upper end to a first phase below; a goal within the tolerance of the most is met."""
+        self.reached[:] = ~self.short & (self.goal_W >= most_W)
+        known = self.busy()
+        self.last_phase[known], self.last_W[known] = self.limit[known], most_W[known]
+        self.phase[known] = np.minimum(phase[known], self.limit[known])
+
+    def narrow(self, points: Index, phases: Array, powers: Array) -> None:
+        """Bracket busy ones of some points by powers (K, M) at rising phases, to a phase on either side."""
+        first, column = np.argmax(powers >= self.goal_W[points], axis=0), np.arange(points.size)
+        between = np.flatnonzero((first > 0) & ~self.reached[points] & ~self.short[points])
+        rows, first, column = points[between], first[between], column[between]
+        x, P = phases[first, column], powers[first, column]
+        last_x, last_P = phases[first - 1, column], powers[first - 1, column]
+        self.phase[rows] = last_x + (x - last_x) * (self.goal_W[rows] - last_P) / (P - last_P)
+        self.low[rows] = np.where(first > 1, phases[first - 2, column], self.low[rows])
+        self.high[rows] = np.minimum(phases[np.minimum(first + 1, len(phases) - 1), column], self.high[rows])
+
+    def learn(self, busy: Index, power_W: Array, tolerance: float) -> None:
+        """Judge the power at the present phases and narrow the brackets."""
+        x, goal_W = self.phase[busy], self.goal_W[busy]
+        error = goal_W - power_W
+        self.reached[busy] = np.abs(error) <= tolerance * np.maximum(goal_W, _LEAST_W)
+        self.short[busy] = (error > 0) & (x >= self.limit[busy]) & ~self.reached[busy]
+        self.low[busy] = np.where(error > 0, x, self.low[busy])
+        self.high[busy] = np.where(error <= 0, x, self.high[busy])
+
+    def move(self, busy: Index, power_W: Array, *, bisect: bool) -> None:
+        """Step to the secant's root, or halve the bracket where that falls outside or ``bisect``."""
+        x, error = self.phase[busy], self.goal_W[busy] - power_W
+        low, high = self.low[busy], self.high[busy]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = x + error * (x - self.last_phase[busy]) / (power_W - self.last_W[busy])
+        self.last_phase[busy], self.last_W[busy] = x, power_W
+        outside = ~((ahead > low) & (ahead < high))
+        ahead = np.where(outside | bisect, 0.5 * (low + high), ahead)
+        self.phase[busy] = np.where(self.reached[busy], x, ahead)
