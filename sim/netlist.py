@@ -10,8 +10,8 @@ What conducts from a threshold V0 on does so by
 .. math:: i = \frac{s}{r} \, \tfrac12 \left( u + \sqrt{u^2 + d^2} \right), \qquad u = v - V_0
 
 with the gate's state s and a rounding d of 1 mV, smooth for Newton's method and V0 + r i to within microvolts for
-a current of an ampere. Output capacitances are junctions of SPICE diodes that do not conduct; they follow the law of
-:class:`sim.parameters.Capacitance`.
+a current of an ampere. Output capacitances are junctions of SPICE diodes that do not conduct, at no forward drop that
+a device has; they follow the law of :class:`sim.parameters.Capacitance`.
 
 The link current starts from that of ideal, lossless square waves, not from the simulator's orbit, and settles; the
 file measures its distance from half-wave symmetry and the change of its rms from one period to the next, so that
@@ -28,12 +28,17 @@ from sim.circuit import Temperatures, winding_resistance
 from sim.model import Model
 from sim.modulation import CLAMPED
 from sim.operating_points import Points
-from sim.parameters import Conduction, Converter, NpcBridge, ParameterError, Quantity, Switch
+from sim.parameters import Conduction, Converter, Diode, NpcBridge, ParameterError, Quantity, Switch
 from sim.solved import Solved, solve_points
 from sim.steady_state import lossless_start_A, magnetizing_current
 
 _ROUNDING_V = 1e-3
 _LEAK_S = 1e-8  # conductance of an open channel
+_EMISSION = 1000  # of a junction that is only a capacitance: no forward drop of a device makes it conduct
+_SHUNT_F, _LEAST_SHUNT = (
+    1e-12,
+    1e-3,
+)  # at every node, for Newton's method: at most so much, and of a junction's mean
 _RAMP = 0.005  # of the dead time: a gate's slope
 _NO_DEAD_TIME = 0.01  # of half a period: what stands for a dead time where there is none
 _CONDUCTING_V = 5.0  # a device with less across it conducts; what it loses with more is switching
@@ -292,15 +297,24 @@ class _Writer:
         yield _Device(f"s{name}", kind, a, b, gate, on, both_ways=switch.synchronous)
         yield _Device(f"r{name}", kind, b, a, None, _drop(switch.reverse, junction_C))
 
+    def _devices_by_kind(self) -> dict[str, Switch | Diode]:
+        return {**primary_scheme(self.converter).devices, **secondary_scheme(self.converter).devices}
+
+    def _shunt_F(self) -> float:
+        """A capacitance to ground of every node that is none beside the junctions."""
+        V1, V2 = _scalar(self.solved.circuit.V1_V), _scalar(self.solved.circuit.nV2_V)
+        V = max(V1, V2 / self.converter.transformer.turns_ratio)
+        least_F = min(_scalar(d.capacitance.charge_C(V)) / V for d in self._devices_by_kind().values())
+        return min(_SHUNT_F, _LEAST_SHUNT * least_F)
+
     def _capacitances(self, devices: list[_Device]) -> Iterator[str]:
         """A junction across each switch and each clamp diode, from its positive to its negative node."""
         yield "* output capacitances: junctions that do not conduct"
-        known = {**primary_scheme(self.converter).devices, **secondary_scheme(self.converter).devices}
-        for kind, device in known.items():
+        for kind, device in self._devices_by_kind().items():
             c = device.capacitance
             yield (
-                f".model c_{kind} D(IS=1e-30 CJO={_scalar(c.zero_bias_F):.9g} VJ={c.junction_V:g} "
-                f"M={c.grading:g} FC=0)"
+                f".model c_{kind} D(IS=1e-30 N={_EMISSION} CJO={_scalar(c.zero_bias_F):.9g} "
+                f"VJ={c.junction_V:g} M={c.grading:g} FC=0)"
             )
         for d in devices:
             if d.gate:
@@ -313,7 +327,10 @@ class _Writer:
         start_s = s.settle_periods * period_s
         stop_s = start_s + s.measured_periods * period_s
         nodes = sorted({node for d in devices for node in (d.a, d.b, d.gate) if node not in (None, "0")})
-        yield ".options reltol=1e-4 abstol=1e-4 vntol=1e-3 chgtol=1e-13 itl4=100 cshunt=1e-12 method=gear maxord=2"
+        yield (
+            ".options reltol=1e-4 abstol=1e-4 vntol=1e-3 chgtol=1e-13 itl4=100 "
+            f"cshunt={self._shunt_F():.3g} method=gear maxord=2"
+        )
         yield ".control"
         yield "save i(Vlink) i(Vtop) i(Vbottom) i(Vout) v(w) v(y) " + " ".join(f"v({n})" for n in nodes)
         step_s = s.longest_step * self.edge_s

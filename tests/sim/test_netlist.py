@@ -1,6 +1,7 @@
 """The circuit file: gates with dead time, every device at its temperature, and what it refuses."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,3 +67,18 @@ def test_two_points_are_refused() -> None:
 def test_periods_and_steps_must_be_positive() -> None:
     with pytest.raises(ParameterError, match="longest_step is 0"):
         Settling(longest_step=0.0)
+
+
+def test_what_is_only_a_capacitance_does_not_conduct_beside_a_large_drop() -> None:
+    text = netlist(Model.baseline(), POINT)
+    for IS, N in re.findall(r"^\.model c_\w+ D\(IS=(\S+) N=(\S+)", text, re.MULTILINE):
+        assert float(IS) * np.exp(60.0 / (float(N) * 0.02585)) < 1e-9  # 60 V: more than any device drops
+
+
+def test_the_shunts_of_the_nodes_are_small_beside_a_small_switchs_capacitance() -> None:
+    base = prototype()
+    switch = base.secondary.switch
+    tiny = replace(switch, capacitance=replace(switch.capacitance, zero_bias_F=50e-12))
+    small = replace(base, secondary=replace(base.secondary, switch=tiny))
+    shunt_F = float(re.findall(r"cshunt=(\S+)", netlist(Model(converter=small), POINT))[0])
+    assert shunt_F <= 1e-3 * tiny.capacitance.charge_C(140.0) / 140.0 * 1.001  # printed to three digits
