@@ -25,7 +25,8 @@ _FEW = 50  # points that are looked for at many phases at once: it costs no more
 _AROUND = np.linspace(1.0, 0.0, 14)[1:-1] ** 2
 _BISECT = 6  # every so many steps the bracket is halved, in case the secant creeps
 _SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: two scans narrow the phase to 2e-3, the power to 1e-5
-_SCAN_ROUNDS = (3, 2)  # of Newton's rule in each: its error is then below that of the scan
+_SCANS = 2
+_SCAN_ROUNDS = 3  # of Newton's rule: its error is then below that of the scan
 _HIGH, _FURTHEST = (
     0.9,
     0.52,
@@ -73,11 +74,11 @@ class Bracketed:
         self.delay[:, chosen] = state[1:5]
         self.excess_A[chosen] = state[0] - lossless_start_A(self.circuit.take(chosen), edges + state[1:5])
 
-    def powers(self, phases: Array, chosen: Index, rounds: int) -> tuple[Array, Array]:
+    def powers(self, phases: Array, chosen: Index) -> tuple[Array, Array]:
         """Powers (K, M) at many phases of some of the points, all at once, and the states (6, K, M) there."""
         repeated = np.tile(chosen, phases.shape[0])
         circuit, edges, guess = self._guess(phases.ravel(), repeated)
-        state, orbit, _ = settle(circuit, edges, guess, None, accuracy=NEAR, rounds=rounds)
+        state, orbit, _ = settle(circuit, edges, guess, None, accuracy=NEAR, rounds=_SCAN_ROUNDS)
         powers = (self.way[repeated] * orbit.output_power_W()).reshape(phases.shape)
         return powers, state.reshape(6, *phases.shape)
 
@@ -152,7 +153,7 @@ class Bracketed:
             return
         low, high = search.low[busy], search.high[busy]
         phases = high - (high - low) * _AROUND[:, None]
-        search.narrow(busy, phases, self.powers(phases, busy, _SCAN_ROUNDS[0])[0])
+        search.narrow(busy, phases, self.powers(phases, busy)[0])
 
     def _peak(self, points: Index) -> tuple[Array, Array, Array, Array]:
         """Phase and power at the peak of some points, by ever closer scans; their rising phases (K, M) and powers.
@@ -164,9 +165,9 @@ class Bracketed:
         lowest = phase_for_share(_HIGH * most, edges, way)
         centre, width = 0.5 * (lowest + _FURTHEST), 0.5 * (_FURTHEST - lowest)
         seen = []
-        for rounds in _SCAN_ROUNDS:
+        for _ in range(_SCANS):
             phases = centre + width * _SCAN[:, None]
-            powers, states = self.powers(phases, points, rounds)
+            powers, states = self.powers(phases, points)
             seen.append((phases, powers))
             best = np.argmax(powers, axis=0), np.arange(points.size)
             centre, width = phases[best], width * (_SCAN[1] - _SCAN[0])
