@@ -41,6 +41,17 @@ def lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """States (6, N), whether the power is met, the end of the rising branch, the most that flows, the orbit at 1/2."""
+
+    state: Array
+    reached: NDArray[np.bool_]
+    limit: Array
+    most_W: Array
+    farthest: Orbit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Bracketed:
     """A circuit, its edges at phase 0, and the start that each solution leaves for the next; phases in forward terms.
 
@@ -61,13 +72,6 @@ class Bracketed:
             circuit=circuit, edges=edges, way=way, accuracy=accuracy, excess_A=np.zeros(way.size),
             delay=state[1:5].copy(),
         )  # fmt: skip
-
-    def power(self, phase: Array, chosen: Index) -> Array:
-        """Power at a phase for some of the points; keeps the orbit as their next start."""
-        orbit = self._orbit(phase, chosen)
-        edges = self.edges.take(chosen, axis=1) + SHIFT * (self.way[chosen] * phase)
-        self._keep(chosen, edges, np.concatenate([orbit.start_A[None], orbit.delay]))
-        return np.asarray(self.way[chosen] * orbit.output_power_W())
 
     def _keep(self, chosen: Index, edges: Array, state: Array) -> None:
         """Start current and delays, the first rows of a state, as the next start of some points."""
@@ -92,14 +96,17 @@ class Bracketed:
         start_A = lossless_start_A(circuit, edges + delay) + self.excess_A[chosen]
         return circuit, edges, np.concatenate([start_A[None], delay, np.zeros((1, phase.size))])
 
-    def _orbit(self, phase: Array, chosen: Index) -> Orbit:
+    def orbit(self, phase: Array, chosen: Index) -> tuple[Orbit, Array]:
+        """The orbit at a phase for some of the points, their next start, and its power."""
         circuit, edges, guess = self._guess(phase, chosen)
-        return periodic(circuit, edges, guess[0], guess[1:5], self.accuracy)
+        orbit = periodic(circuit, edges, guess[0], guess[1:5], self.accuracy)
+        self._keep(chosen, edges, np.concatenate([orbit.start_A[None], orbit.delay]))
+        return orbit, np.asarray(self.way[chosen] * orbit.output_power_W())
 
-    def solve(self, goal_W: Array) -> tuple[Array, NDArray[np.bool_], Array, Array]:
-        """States (6, N), whether the power is met, the end of the rising branch, and the most that flows."""
+    def solve(self, goal_W: Array) -> "Found":
+        """Whether there is a phase for each power, and which."""
         tolerance, limit = self.accuracy.power, np.full(goal_W.size, 0.5)
-        most_W = self.power(limit, np.arange(goal_W.size))
+        orbit, most_W = self.orbit(limit, np.arange(goal_W.size))
         little = np.flatnonzero((most_W < goal_W) & (most_W > _PEAK_ABOVE * goal_W))
         limit[little], most_W[little], phases, powers = self._peak(little)
         search = _Search.between(lowest_phase(self.circuit, self.edges, self.way), limit, goal_W)
@@ -115,13 +122,13 @@ class Bracketed:
             busy = search.busy()
             if not busy.size:
                 break
-            power_W = self.power(search.phase[busy], busy)
+            _, power_W = self.orbit(search.phase[busy], busy)
             search.learn(busy, power_W, tolerance)
             search.move(busy, power_W, bisect=step % _BISECT == _BISECT - 1)
         at = self.edges + SHIFT * (self.way * search.phase)
         start_A = self.excess_A + lossless_start_A(self.circuit, at + self.delay)
         state = np.concatenate([start_A[None], self.delay, (self.way * search.phase)[None]])
-        return state, search.reached, limit, most_W
+        return Found(state=state, reached=search.reached, limit=limit, most_W=most_W, farthest=orbit)
 
     def _lossless_phase(self, share: Array, limit: Array) -> Array:
         """Smallest phase of a share of the power at the limit, on the lossless curve of edges with the last delays."""

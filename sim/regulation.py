@@ -134,20 +134,20 @@ def regulate(
         search = Bracketed.of(
             circuit.take(again), edges.take(again, axis=1), way[again], state.take(again, axis=1), accuracy
         )
-        found, met[again], limit[again], most_W[again] = search.solve(way[again] * target_W[again])
-        state[:, again] = found
-        reached = np.flatnonzero(met[again])
-        again = again[reached]
-        if again.size:
-            state[:, again], part, _ = settle(
-                circuit.take(again),
-                edges.take(again, axis=1),
-                found.take(reached, axis=1),
+        found = search.solve(way[again] * target_W[again])
+        state[:, again], met[again], limit[again] = found.state, found.reached, found.limit
+        most_W[again], orbit = found.most_W, orbit.renewed(again, found.farthest)
+        reached = again[found.reached]
+        if reached.size:
+            state[:, reached], part, _ = settle(
+                circuit.take(reached),
+                edges.take(reached, axis=1),
+                state.take(reached, axis=1),
                 None,
                 accuracy=accuracy,
                 rounds=_POLISH,
             )
-            orbit = orbit.renewed(again, part)
+            orbit = orbit.renewed(reached, part)
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
 
 

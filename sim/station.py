@@ -1,7 +1,6 @@
 """Operating points in work: what is solved for, what the losses make of it, and the balance of powers."""
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -157,14 +156,10 @@ class Station:
         return self.warm
 
     def solve(self, accuracy: Accuracy) -> OperatingState:
-        """Regulate at the present temperatures and account for the losses there.
-
-        Of points whose power is not reached nothing else is known.
-        """
+        """Regulate at the present temperatures and account for the losses there."""
         circuit = self._circuit()
         regulated = regulate(circuit, self.edges, self.slow.target_W, warm=self.warm, accuracy=accuracy)
-        with nullcontext() if np.all(regulated.reached) else np.errstate(all="ignore"):
-            return self._account(regulated)
+        return self._account(regulated)
 
     def within_reach(self) -> NDArray[np.bool_]:
         """Whether the power can be carried at the present temperatures, (N,)."""
