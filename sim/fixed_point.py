@@ -119,8 +119,12 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
 
 
 def _left_open(station: Station, busy: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Which of the busy points do not settle by a response of their own; those that do are written to the station."""
+    """Which of the busy points do not settle by a response of their own; those that do are written to the station.
+
+    The others are near the most that they carry as a rule: their phase is to be looked for in a bracket.
+    """
     settled, there = settled_alone(station.take(busy))
+    station.known.reached[busy] = settled
     done = np.flatnonzero(settled)
     station.known.put(busy[done], there.known.take(done))
     station.slow.put(busy[done], pick(there.slow, done).by_name())

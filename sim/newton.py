@@ -221,10 +221,12 @@ def settle(
     *,
     accuracy: Accuracy = FINE,
     rounds: int = _NEWTON,
+    left_open: int = 0,
 ) -> tuple[Array, Orbit, NDArray[np.bool_]]:
     """Newton's rule from ``state`` (6, N): start current in A, delays and phase in Th.
 
-    Returns the state, the orbit there, and where everything is met to the ``accuracy``, after ``rounds`` at most.
+    Returns the state, the orbit there, and where everything is met to the ``accuracy``, after ``rounds`` at most, or as
+    soon as no more than so many points are ``left_open``.
     ``edges`` (4, N) are those at phase 0; without a demand the phase stays.
     """
     size, work = state.shape[1], _Work.of(circuit, edges, state, demand, accuracy)
@@ -237,7 +239,7 @@ def settle(
         part = sweep.orbit(work.state, accuracy)
         orbit = part if orbit is None or work.rows.size == size else orbit.renewed(work.rows, part)
         busy = np.count_nonzero(work.busy())
-        if last or not busy:
+        if last or busy <= left_open:
             break
         work.move(sweep)
         if busy < _ROOMY * work.rows.size:

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 _POLISH = 3  # rounds that close what a search ends with
 _FLAT = 0.42  # where the lossless power is within 3 % of its most, Newton's rule is not asked
+_FEW_MORE = 0.1  # of the points for a bracket: so few that Newton's rule has not settled yet go with them
 _MAY_FALL = 0.35  # a phase beyond which the power may fall: losses move the peak from 1/2 to no less
 _BACK = 1e-3  # from such a phase, to see whether it does
 _BACK_ROUNDS = 2  # of Newton's rule: so short a way is all but straight
@@ -114,17 +115,18 @@ def regulate(
     most_W = np.full(way.size, np.nan) if warm is None else warm.most_W.copy()
     demand = _demand(circuit, edges, target_W, limit)
     state, doubtful = _start(circuit, edges, target_W, warm)
-    asked = np.flatnonzero(~doubtful)
+    asked, met = np.flatnonzero(~doubtful), np.zeros(way.size, dtype=bool)
+    orbit: Orbit | None = None
     if asked.size == way.size:
         state, orbit, met = settle(circuit, edges, state, demand, accuracy=accuracy)
-    else:
-        met = np.zeros(way.size, dtype=bool)
+    elif asked.size:
         state[:, asked], part, met[asked] = settle(
             circuit.take(asked),
             edges.take(asked, axis=1),
             state.take(asked, axis=1),
             demand.take(asked),
             accuracy=accuracy,
+            left_open=int(_FEW_MORE * (way.size - asked.size)),
         )
         orbit = part.among(way.size, asked)
     asked_again = met if warm is None or not rising else met & (np.abs(state[5] - warm.phase) > 0.5 * _BACK)
@@ -136,7 +138,8 @@ def regulate(
         )
         found = search.solve(way[again] * target_W[again])
         state[:, again], met[again], limit[again] = found.state, found.reached, found.limit
-        most_W[again], orbit = found.most_W, orbit.renewed(again, found.farthest)
+        most_W[again] = found.most_W
+        orbit = found.farthest if orbit is None else orbit.renewed(again, found.farthest)
         reached = again[found.reached]
         if reached.size:
             state[:, reached], part, _ = settle(
@@ -148,6 +151,7 @@ def regulate(
                 rounds=_POLISH,
             )
             orbit = orbit.renewed(reached, part)
+    assert orbit is not None
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
 
 
