@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from models.calibrated import CalibratedPhysics
 from models.calibration import calibrate
 from models.dataset import Measurements
+from models.diagnosis.agreement import agreement
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.extension import extended, interval
@@ -343,6 +344,7 @@ def _diagnosed(
         hypotheses,
         refinery.geometry.whitener,
         misfit=_misfit(setting, hypotheses),
+        agreement=agreement(setting, hypotheses[0]),
         leftover=0.0 if nameless is None else nameless.size,
     )
     if verdict.stated:

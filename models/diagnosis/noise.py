@@ -151,3 +151,10 @@ def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Arra
         scale = float(np.clip(np.sqrt((entry.differences + z2.size * typical) / weight), *_SCALES))
         scaled[mask] *= scale * np.maximum(1.0, np.sqrt(z2) / (_FAR_OFF * scale))
     return scaled
+
+
+def without_widening(observations: Observations, first: Array, sigma: Array) -> Array:
+    """Standard deviations (M,) with no single reading widened, from those at ``first`` and those after it."""
+    scale = sigma / first
+    usual = np.array([np.median(scale[observations.channel == k]) for k in range(len(observations.channels))])
+    return np.asarray(np.minimum(usual[observations.channel] * first, sigma))

@@ -82,13 +82,17 @@ class Refinery:
 
     def solved(self, fit: Fit, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""
-        law = [d.factor * d.vectors for d in self.law(fit)]
-        vectors = np.concatenate([(self.residual - fit.shift)[None], *law])
-        left, *beside = self.geometry.solve(vectors, fit.own(self.known), leftover)
-        if not beside:
-            return np.asarray(left)
-        inner = np.eye(len(beside)) + vectors[1:] @ np.stack(beside).T
-        return np.asarray(left - np.linalg.solve(inner, vectors[1:] @ left) @ np.stack(beside))
+        return np.asarray(self.solve(fit, (self.residual - fit.shift)[None], leftover)[0])
+
+    def solve(self, fit: Fit, right: Array, leftover: Leftover | None = None) -> Array:
+        """The same of any vectors (k, M)."""
+        law = np.concatenate([np.empty((0, right.shape[1])), *(d.factor * d.vectors for d in self.law(fit))])
+        solved = self.geometry.solve(np.concatenate([right, law]), fit.own(self.known), leftover)
+        found, beside = solved[: len(right)], solved[len(right) :]
+        if not len(law):
+            return np.asarray(found)
+        inner = np.eye(len(law)) + law @ beside.T
+        return np.asarray(found - np.linalg.solve(inner, law @ found.T).T @ beside)
 
     def weighed(self, fit: Fit) -> Weighed:
         """The evidence of a fit as it stands."""

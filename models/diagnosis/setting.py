@@ -11,7 +11,7 @@ from models.diagnosis.evidence import log_total, on_tangents, weighed_with_lefto
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
-from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise
+from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise, without_widening
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures
@@ -36,10 +36,12 @@ _SEED = 0  # of the probes
 class Setting:
     """Noise (M,) and covariance of the readings, and the refinery that works with them.
 
-    ``far_off`` (M,) is how many of its channel's sigmas a reading lies from what explains the others.
+    ``usual`` (M,) is the noise with no reading widened; ``far_off`` (M,) how many of its channel's sigmas a reading
+    lies from what explains the others.
     """
 
     sigma: Array
+    usual: Array
     far_off: Array
     covariance: Covariance
     refinery: Refinery
@@ -72,6 +74,7 @@ def set_up(
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
     return replace(
         found,
+        usual=without_widening(observations, best.first, sigma),
         far_off=best.left / usual[observations.channel],
         refinery=replace(
             found.refinery, known=replace(bench.known, effects=effects), near=near, lines=lines, laws=laws
@@ -145,7 +148,9 @@ class _Bench:
         refinery = Refinery(
             known=self.known, observations=self.observations, baseline=self.baseline, geometry=geometry
         )
-        return Setting(sigma=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery)
+        return Setting(
+            sigma=sigma, usual=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery
+        )
 
     def settled(self, first: Array, near: _Settled | None = None) -> _Settled:
         """Looks at what the best explanation leaves until the noise, ``first`` (M,) at the beginning, stands still.

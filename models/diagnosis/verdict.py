@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 SURE = 0.95
 _UNEXPLAINED = 4.0  # squared sigmas per reading: noise that is understated by half leaves 2.3
+BY_CHANCE = 4.5  # sigmas by which two readings of one row may miss the same
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
 _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
     1.25,
@@ -143,7 +144,11 @@ def _tie_group(
 
 
 def judge(
-    hypotheses: Sequence[Hypothesis], whitener: Whitener, misfit: float = 1.0, leftover: float = 0.0
+    hypotheses: Sequence[Hypothesis],
+    whitener: Whitener,
+    misfit: float = 1.0,
+    leftover: float = 0.0,
+    agreement: float = 0.0,
 ) -> Verdict:
     """The verdict of a posterior.
 
@@ -152,14 +157,16 @@ def judge(
     something.
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
-    nothing that was tried explains the data, and no cause is listed.
+    nothing that was tried explains the data, and no cause is listed. Nor is one where readings that were taken for
+    outliers confirm each other: ``agreement`` is by how many sigmas.
     """
+    explained = misfit <= _UNEXPLAINED and agreement <= BY_CHANCE
     bare = [h for h in hypotheses if not h.fit.terms]
     faint = leftover < _FAINT
     ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
-    causes = marginal(hypotheses) if misfit <= _UNEXPLAINED else []
+    causes = marginal(hypotheses) if explained else []
     least = max(leftover, _caught(hypotheses))
     large = [c for c in causes if c.term.significance >= least * _above(c.term)]
     groups = _groups(large, hypotheses, whitener, excluded=ordinary < 1 - SURE)
@@ -167,7 +174,7 @@ def judge(
     named = tuple(group[0] for group in groups if len(group) == 1 and group[0] in sure)
     if groups:
         kind = "named" if named else "group"
-    elif ordinary >= 1 - SURE and ordinary >= nameless and misfit <= _UNEXPLAINED:
+    elif ordinary >= 1 - SURE and ordinary >= nameless and explained:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"
@@ -179,7 +186,7 @@ def judge(
         stated=named or tuple(group[0] for group in groups),
         consistent_probability=ordinary,
         nothing_probability=sum(h.probability for h in bare if h.leftover is None),
-        unknown_probability=1.0 if misfit > _UNEXPLAINED else beyond,
+        unknown_probability=beyond if explained else 1.0,
     )
 
 

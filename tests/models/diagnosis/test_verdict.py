@@ -8,7 +8,7 @@ import pytest
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.leftover import Leftover
-from models.diagnosis.verdict import Verdict, isolability, judge
+from models.diagnosis.verdict import BY_CHANCE, Verdict, isolability, judge
 from models.diagnosis.whitener import Whitener
 from sim.effects.catalogue import CATALOGUE
 from tests.models.diagnosis.fabricated import fit_of, joint_fit
@@ -116,6 +116,14 @@ def test_a_name_that_leaves_the_data_unexplained_is_not_given() -> None:
     entries = (("link_resistance", ALONG, 0.0, 0.97), (None, 0 * ALONG, 0.0, 0.03))
     assert judged(*entries, misfit=2.0).kind == "named"  # noise understated by a third: still a name
     assert judged(*entries, misfit=9.0).kind == "unknown"
+
+
+def test_no_cause_explains_outliers_that_confirm_each_other() -> None:
+    fit = joint_fit({"link_resistance": ALONG}, ALONG, value=3.0)
+    named = [Hypothesis(fit=fit, leftover=None, probability=1.0)]
+    assert judge(named, WHITENER, agreement=0.9 * BY_CHANCE).kind == "named"
+    verdict = judge(named, WHITENER, agreement=1.1 * BY_CHANCE)
+    assert (verdict.kind, verdict.causes, verdict.unknown_probability) == ("unknown", (), 1.0)
 
 
 def test_two_causes_that_are_there_together_are_both_named() -> None:

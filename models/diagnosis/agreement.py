@@ -1,0 +1,61 @@
+"""Whether readings that were widened as outliers are noise: two elements of the analyzer that miss the same are not.
+
+Noise strikes one reading, and another one of the same row by chance only. What is lost in the ac link is shown by two
+elements, at the input and before the link, and not by the one behind it; a wrong reading of the output's power, at
+which the model runs, by all three. So where both elements ahead of the link miss watts to the same side, against the
+output's power as it was read and against that behind the link, each beyond its own noise, it was the converter.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.observations import Observations
+from models.diagnosis.setting import Setting
+
+Array = NDArray[np.float64]
+
+_AHEAD, _BEHIND = ("efficiency", "P_link1_W"), "P_link2_W"
+
+
+def agreement(setting: Setting, best: Hypothesis) -> float:
+    """The most sigmas by which two elements of one row miss the same, both at least, beside the ``best`` explanation.
+
+    A reading is predicted from all other rows, and has the noise of its channel, however far it was widened.
+    """
+    refinery = setting.refinery
+    rows = _widened(refinery.observations, setting.sigma > setting.usual)
+    if not rows.size:
+        return 0.0
+    each = np.zeros((rows.size, setting.sigma.size))
+    each[np.arange(rows.size), rows.ravel()] = 1.0
+    inverse = refinery.solve(best.fit, each, best.leftover)
+    pulled = refinery.solved(best.fit, best.leftover)
+    return max(
+        _in_common(np.linalg.inv(own[:, row]), pulled[row], setting, row)
+        for row, own in zip(rows, inverse.reshape(*rows.shape, -1), strict=True)
+    )
+
+
+def _widened(observations: Observations, widened: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """The readings (n, 3) ahead of the link and behind it of every row with one ahead that was widened."""
+    place = np.full((3, len(observations.frame)), -1)
+    for k, name in enumerate((*_AHEAD, _BEHIND)):
+        readings = np.flatnonzero(observations.of(name))
+        place[k, observations.row[readings]] = readings
+    rows = place[:, np.all(place >= 0, axis=0) & observations.loaded].T
+    return rows[np.any(widened[rows[:, :2]], axis=1)]
+
+
+def _in_common(covariance: Array, pulled: Array, setting: Setting, row: NDArray[np.intp]) -> float:
+    """The same of one row's three readings: their ``covariance`` given all others, and C'^-1 of what is left there."""
+    missed = covariance @ pulled
+    noise = covariance + np.diag(setting.usual[row] ** 2 - setting.sigma[row] ** 2)
+    per_watt = setting.refinery.known.per_watt[row]
+    # against what is behind the link, once any error of the output's power is let in
+    against = np.eye(3)[:2] - np.outer(per_watt[:2] / per_watt[2], np.eye(3)[2])
+    beyond = np.concatenate([
+        missed[:2] / np.sqrt(np.diag(noise)[:2]),
+        against @ missed / np.sqrt(np.diag(against @ noise @ against.T)),
+    ])  # fmt: skip
+    return float(np.min(np.abs(beyond))) if np.ptp(np.sign(beyond)) == 0.0 else 0.0
