@@ -140,6 +140,7 @@ class Adaptive:
             unloaded_min=so_far.unloaded_min,
             by_hand=False,
             least_sigma=_WORTH_A_BUDGET / left**0.5 if settled else _WORTH_ANYTHING,
+            together_sigma=_WORTH_A_BUDGET,
         )
         doable = [step for step in found.steps(may, settings.at_once) if not step.by_hand]
         if doable:

@@ -34,9 +34,10 @@ _CURRENT = (5e-4, 2e-3)
 class Allowed:
     """What may be proposed, and the bench minutes that it takes.
 
-    ``set_points`` (N, 3) of D1, D2 and power in W; without them the measured ones and a grid over their ranges.
+    ``set_points`` (N, 3) of D1, D2 and power in W; without them measured ones, and a grid over their
+    ranges where these are few.
     ``by_hand`` allows what somebody has to come for: another wiring, another dead time, a warmer room. A step has to
-    separate two explanations by ``least_sigma``.
+    separate two explanations by ``least_sigma``, or with all that follow it by ``together_sigma``.
     """
 
     set_points: Array | None = None
@@ -44,9 +45,27 @@ class Allowed:
     unloaded_min: float = _UNLOADED_MIN
     by_hand: bool = True
     least_sigma: float = 0.5
+    together_sigma: float = 1.0
 
 
 ANYTHING = Allowed()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Again:
+    """Rows of the frame with load that can be measured again, and a simulation of every row with readings."""
+
+    rows: NDArray[np.intp]
+    near: Result
+
+    def after(self, observations: Observations) -> tuple[Points, Result]:
+        """Standby, no load and these rows, after everything that was measured; and what they start from."""
+        kind, used = observations.frame["kind"].to_numpy(), np.unique(observations.row)
+        unloaded = [used[kind[used] == name] for name in UNLOADED]
+        end_s = float(np.max(np.asarray(observations.points.time_s)))
+        rows = np.concatenate([*(found[:1] for found in unloaded), self.rows])
+        points, near = observations.points.take(rows), self.near.take(np.searchsorted(used, rows))
+        return replace(points, time_s=end_s), near
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,56 +114,56 @@ def bench_options(
     models: Sequence[Model],
     channels: Sequence[Channel],
     allowed: Allowed = ANYTHING,
+    again: Again | None = None,
     like: Model | None = None,
 ) -> Options:
-    """Everything that is allowed, in one look at it by every model; all start from one ``like`` them."""
-    points = _points(observations, models, allowed)
-    if not allowed.by_hand:
+    """Everything that is allowed, in one look at it by every model.
+
+    It is what was measured ``again`` where that is given, and all start from one ``like`` them where it is not.
+    """
+    if again is None:
+        points = _points(observations, models, allowed)
         near = reference(like or models[0], points)
+    else:
+        points, near = again.after(observations)
+    what = _measured(points, allowed)
+    if not allowed.by_hand:
         return Options(
-            what=tuple(_measured(points, allowed)),
+            what=tuple(what),
             readings=_readings(simulate_many(models, points, near), channels),
-            sigma=_sigma(channels, np.asarray(points.power_W)),
+            sigma=usual_sigma(channels, np.asarray(points.power_W)),
             points=points,
             near=near,
         )
     most = int(np.argmax(np.asarray(points.power_W)))
     at, one = _set_points(points)[most], points.take(np.array([most]))
     warmer = replace(one, ambient_C=np.asarray(one.ambient_C) + _AMBIENT_K)
-    what = [
-        *_measured(points, allowed),
-        Option(
-            action=f"warm the room by {_AMBIENT_K:.0f} K and measure {said(at)}",
-            minutes=_AMBIENT_MIN,
-            set_point=at,
-            by_hand=True,
-        ),
-    ]
-    blocks = [(list(models), Points.join([points, warmer]))]
-    places = [np.append(np.arange(len(points)), most)]  # of each block, where it starts from
+    said_so = f"warm the room by {_AMBIENT_K:.0f} K and measure {said(at)}"
+    what.append(Option(action=said_so, minutes=_AMBIENT_MIN, set_point=at, by_hand=True))
+    places = np.append(np.arange(len(points)), [most] * (1 + len(_REBUILT)))
+    where, near = Points.join([points, warmer, *(one for _ in _REBUILT)]), near.take(places)
+    first = np.arange(len(points) + 1)
+    seen = [_readings(simulate_many(models, where.take(first), near.take(first)), channels)]
     for said_so, change in _REBUILT.items():
-        action = f"{said_so} {said(at)}"
-        what.append(Option(action=action, minutes=_REBUILD_MIN, set_point=at, by_hand=True))
-        blocks.append(([change(m) for m in models], one))
-        places.append(np.array([most]))
+        what.append(Option(action=f"{said_so} {said(at)}", minutes=_REBUILD_MIN, set_point=at, by_hand=True))
+        rebuilt = [change(m) for m in models]
+        same = all(new is m for new, m in zip(rebuilt, models, strict=True))
+        seen.append(
+            seen[0][:, [most]]
+            if same
+            else _readings(simulate_many(rebuilt, one, near.take(np.array([most]))), channels)
+        )
     four_wires = "measure the ac link's resistance with four wires, warm"
     what.append(Option(action=four_wires, minutes=_REBUILD_MIN, by_hand=True))
-    near = reference(like or models[0], points)
-    seen = [
-        _readings(simulate_many(models_, where, near.take(rows)), channels)
-        for (models_, where), rows in zip(blocks, places, strict=True)
-    ]
-    everywhere = Points.join([where for _, where in blocks])
     ohms = np.full((len(models), 1, len(channels)), np.nan)
     ohms[:, 0, 0] = [_link_Ohm(m) for m in models]
+    sigma = usual_sigma(channels, np.asarray(where.power_W))
     return Options(
         what=tuple(what),
         readings=np.concatenate([*seen, ohms], axis=1),
-        sigma=np.concatenate(
-            [_sigma(channels, np.asarray(everywhere.power_W)), np.full((1, len(channels)), _WINDING_Ohm)]
-        ),
-        points=everywhere,
-        near=near.take(np.concatenate(places)),
+        sigma=np.concatenate([sigma, np.full((1, len(channels)), _WINDING_Ohm)]),
+        points=where,
+        near=near,
     )
 
 
@@ -227,7 +246,7 @@ def _link_Ohm(model: Model) -> float:
     )
 
 
-def _sigma(channels: Sequence[Channel], power_W: Array) -> Array:
+def usual_sigma(channels: Sequence[Channel], power_W: Array) -> Array:
     """Noise of one averaged reading of each channel at these powers, (K, channels)."""
     columns = []
     for c in channels:

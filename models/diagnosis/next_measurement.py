@@ -8,7 +8,8 @@ with V what the measurements leave open (:mod:`models.diagnosis.left_open`), the
 a part's spread or the simulation's own inaccuracy that explains the difference as well is no separation, and a point
 that was measured tells less of itself and of its neighbours. Steps are chosen one after the other, each with those
 before it taken as measured: worth :math:`\sum p_i p_j \exp(-D_{ij}^2/2) \, d_{ij}^2 / 2` per minute, with
-:math:`D_{ij}` what they separate already. Where no step can, the channel is named that would.
+:math:`D_{ij}` what they separate already. Many small steps are worth it where they tell enough together. Where no
+step can, the channel is named that would.
 """
 
 from collections.abc import Sequence
@@ -19,10 +20,20 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.bench_options import ANYTHING, Allowed, Option, Options, SetPoint, bench_options
+from models.diagnosis.bench_options import (
+    ANYTHING,
+    UNLOADED,
+    Again,
+    Allowed,
+    Option,
+    Options,
+    SetPoint,
+    bench_options,
+)
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.left_open import Ahead, left_open
+from models.diagnosis.measured_again import telling_rows
 from models.diagnosis.observations import CHANNELS, Channel, Observations
 from models.diagnosis.refinery import Refinery
 from sim.model import Model
@@ -35,6 +46,8 @@ NO_FIT = Fit(terms=(), shift=np.empty(0))
 _LEAST = 0.03  # probability from which an explanation takes part
 _MOST_RIVALS = 6
 _WORTH_DOING = 0.5  # sigmas
+_MANY = 60  # measured points that lie as close as a grid over their ranges would
+_LOOKED_AT = 40  # of them: those that tell most if they were measured again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,20 +144,42 @@ def next_measurements(
     """
     if len(rivals) < 2:
         return []
-    like = None if refinery is None else refinery.baseline
-    options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed, like)
+    again, like = None, None if refinery is None else refinery.baseline
+    if refinery is not None and allowed.set_points is None:
+        again = _again(refinery, rivals)
+    options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed, again, like)
     everything = _Race.of(options, rivals, refinery)
     present = [k for k, c in enumerate(CHANNELS) if c in observations.channels]
-    steps, reached = everything.among(range(len(options.what)), present).steps(most, allowed.least_sigma)
+    steps, reached = everything.among(range(len(options.what)), present).steps(most, allowed)
     alone = [k for k, option in enumerate(options.what) if not option.by_hand]
     if any(step.by_hand for step in steps):
-        others, reached = everything.among(alone, present).steps(most, allowed.least_sigma)
+        others, reached = everything.among(alone, present).steps(most, allowed)
         steps += [step for step in others if step.action not in {s.action for s in steps}]
     absent = [k for k in range(len(CHANNELS)) if k not in present]
     tied = [k for k, d2 in enumerate(reached) if d2 < SEPARATED**2]
     if tied and absent:
         steps += everything.among(alone, absent).missing(tied[0], [CHANNELS[k] for k in absent])
     return steps
+
+
+def _again(refinery: Refinery, rivals: Sequence[Rival]) -> Again | None:
+    """The measured rows that tell most, where there are enough of them and nothing has to be simulated anew."""
+    o = refinery.observations
+    kind, used = o.frame["kind"].to_numpy(), np.unique(o.row)
+    among = used[kind[used] == "load"]
+    if refinery.near is None or among.size < _MANY or not set(UNLOADED) <= set(kind[used]):
+        return None
+    rows = telling_rows(refinery, [(r.fit, r.probability) for r in rivals], among)
+    return Again(rows=rows[:_LOOKED_AT], near=refinery.near)
+
+
+def _worth_doing(gains: Sequence[Array], first: Sequence[int], allowed: Allowed) -> int:
+    """How many steps to take of those that add so much (squared sigmas of each pair), each chosen for one pair."""
+    for k, pair in enumerate(first):
+        together = sum(float(gain[pair]) for gain in gains[k:])
+        if gains[k][pair] < allowed.least_sigma**2 and together < allowed.together_sigma**2:
+            return k
+    return len(first)
 
 
 @dataclass(slots=True)
@@ -193,10 +228,13 @@ class _Race:
             apart=self.apart[:, :, kept],
         )
 
-    def steps(self, most: int, least_sigma: float) -> tuple[list[NextMeasurement], list[float]]:
-        """Steps in the order of their worth, and what they separate each pair by, squared."""
+    def steps(self, most: int, allowed: Allowed) -> tuple[list[NextMeasurement], list[float]]:
+        """Steps in the order of their worth, and what they separate each pair by, squared.
+
+        What is behind the last step that is worth doing, by itself or with all that follow it, is left out.
+        """
         weight = np.array([self.rivals[i].probability * self.rivals[j].probability for i, j in self.pairs])
-        reached, steps = np.zeros(len(self.pairs)), dict[int, NextMeasurement]()
+        reached, gains, chosen = np.zeros(len(self.pairs)), list[Array](), list[tuple[int, int]]()
         for _ in range(most):
             unsettled = reached < SEPARATED**2
             if not np.any(unsettled):
@@ -204,14 +242,16 @@ class _Race:
             gain = self._gains()
             worth = (weight * np.exp(-0.5 * reached)) @ gain / self.options.minutes
             best = int(np.argmax(worth))
-            first = int(np.argmax(np.where(unsettled, weight * gain[:, best], -1.0)))
-            if gain[first, best] < least_sigma**2:
-                break
+            chosen.append((best, int(np.argmax(np.where(unsettled, weight * gain[:, best], -1.0)))))
+            gains.append(gain[:, best])
             reached = reached + gain[:, best]
-            new = NextMeasurement.of(self.options.what[best], self._differ(first), float(gain[first, best]))
-            steps[best] = steps[best].once_more(new) if best in steps else new
             self._take(best)
-        return list(steps.values()), reached.tolist()
+        kept = _worth_doing(gains, [pair for _, pair in chosen], allowed)
+        steps = dict[int, NextMeasurement]()
+        for (option, pair), gain in zip(chosen[:kept], gains, strict=False):
+            new = NextMeasurement.of(self.options.what[option], self._differ(pair), float(gain[pair]))
+            steps[option] = steps[option].once_more(new) if option in steps else new
+        return list(steps.values()), np.sum([np.zeros(len(self.pairs)), *gains[:kept]], axis=0).tolist()
 
     def missing(self, pair: int, channels: Sequence[Channel]) -> list[NextMeasurement]:
         """The one of these channels that would separate a pair best, at the point to use it at; or none."""

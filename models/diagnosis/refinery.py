@@ -33,12 +33,16 @@ _FAR_ENOUGH = 0.2  # standard deviations between two states that tell a slope
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refinery:
-    """Simulates hypotheses at their fitted values and spreads, each starting from ``near`` along ``lines``."""
+    """Simulates hypotheses at their fitted values and spreads, each starting from ``near`` along ``lines``.
+
+    ``noise`` (M,) is how far each reading scatters by itself, one sigma, as the geometry has it.
+    """
 
     known: Signatures
     observations: Observations
     baseline: Model
     geometry: Geometry
+    noise: Array = field(default_factory=lambda: np.zeros(0))
     laws: Laws = field(default_factory=Laws.none)
     near: Result | None = None
     lines: Lines | None = None

@@ -143,11 +143,13 @@ class _Bench:
 
     def setting(self, sigma: Array, doubt: Array) -> Setting:
         """The setting with this noise (M,) and this doubt (M,) about what explains the readings."""
-        parts = self.noiseless.noisier(sigma**2 + doubt**2 + self.known.input_sigma**2)
+        variance = sigma**2 + doubt**2 + self.known.input_sigma**2
+        parts = self.noiseless.noisier(variance)
         geometry = Geometry.of(Whitener.of(parts), self.known.spreads, self.rivals)
         refinery = Refinery(
-            known=self.known, observations=self.observations, baseline=self.baseline, geometry=geometry
-        )
+            known=self.known, observations=self.observations, baseline=self.baseline,
+            geometry=geometry, noise=np.sqrt(variance),
+        )  # fmt: skip
         return Setting(
             sigma=sigma, usual=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery
         )

@@ -126,6 +126,13 @@ class Whitener:
             solved -= (self.pulled.T @ onto).reshape(right.shape)
         return solved
 
+    def diagonal(self) -> Array:
+        """The diagonal of C^-1, (M,)."""
+        found = np.empty(self.common.shape[1])
+        for block, inverse in zip(self.blocks, self.inverses, strict=True):
+            found[block] = np.diag(inverse)
+        return np.asarray(found - np.sum(root_solved(self.root, self.pulled) ** 2, axis=0))
+
     def inner(self, vectors: Array) -> Array:
         """V C^-1 V^T (k, k) of vectors (k, M), most of which are zero in most blocks."""
         products = np.zeros((len(vectors), len(vectors)))
