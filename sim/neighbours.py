@@ -45,6 +45,7 @@ _RESTS_A = 1e-12  # a current that rests has no sign, which the rounding of a st
 _SLOW_UNIT = {"I1_A": 0.1}  # the others: 1 K, 1 W
 _DIFFERENCE = 1e-3  # of the units
 _LAST = 2e-3  # of the units, and of a kilowatt: the response is right to some per cent of what a step does
+_FRESH = 10.0  # times as long may it be where the response was taken there
 _LAST_W = 1e-3  # of the power: the unit of one at that scale
 _LEAST_STEP = 2e-5  # the same where no reference is at hand: some losses rise by 50 kW for a Th
 _MISSED = 0.2  # of a power that is missed at the phase: as much of a step of power
@@ -162,7 +163,7 @@ class Look:
 
 
 def _short(station: Station, step: Array, missed: Array, last: float = _LAST) -> NDArray[np.bool_]:
-    """Whether a step (n, N) from what is missed (n, N) is one to end with."""
+    """Whether a step (n, N) from what is missed (n, N) is one to end with, ``last`` units at most."""
     kilowatts = _LAST_W * np.maximum(np.abs(np.asarray(station.points.power_W)), LEAST_W)
     power_W = np.maximum(np.abs(step[-2]), _MISSED * np.abs(missed[5]))
     return np.asarray(np.all(np.abs(step) < last, axis=0) & (power_W < last * kilowatts))
@@ -226,7 +227,7 @@ def approach(
         if not rows.size or rows.size > max(_FEW, _SHARE * len(whole.points)) or times == anew:
             return
         station, origin = _at(whole.take(rows), z), np.arange(rows.size)
-        response, look = Response.of(station)
+        (response, look), last = Response.of(station), _FRESH * _LAST
 
 
 def settled_alone(station: Station) -> tuple[NDArray[np.bool_], Station]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery, hopeless
-from models.diagnosis.signatures import Signature
+from models.diagnosis.signatures import Signature, step_of
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,11 @@ _SHARPENED = 6  # that get slopes simulated at their values
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
+_LIKELY_NOTHING = 1.0  # in log evidence: how far behind nothing
 _FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out, three times over
 _SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a place worse than off
-_NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
+NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _REACH = 3.0  # prior scales that a line is trusted over
 
 
@@ -67,7 +68,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     geometry, catalogue = refinery.geometry, len({s.effect for s in refinery.known.effects})
     configurations = geometry.leftovers.configurations
     fits, leftovers = list(fits), [None, *configurations]
-    shares = [_log_share(leftover, configurations) for leftover in leftovers]
+    shares = [_log_share(leftover, geometry.leftovers.shared_by) for leftover in leftovers]
     own = [fit.own(refinery.known) for fit in fits]
     log = np.empty((len(fits), len(leftovers)))
     weighed = weigh(fits, refinery.seen(fits), geometry, own, leftovers)
@@ -76,7 +77,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
         log[k] += shares
         log[k] += [_last_word(w, c) for c, w in zip(leftovers, beside, strict=True)]
     probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
-    counts = (probability > _NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
+    counts = (probability > NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
     counts[:, 0] = True  # without leftover
     order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
     return [
@@ -93,15 +94,15 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
 def log_total(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> float:
     """Log evidence of all hypotheses of one geometry together, priors included; the most probable comes first."""
     best, catalogue = hypotheses[0], len({s.effect for s in refinery.known.effects})
-    share = _log_share(best.leftover, refinery.geometry.leftovers.configurations)
+    share = _log_share(best.leftover, refinery.geometry.leftovers.shared_by)
     return best.fit.log_evidence + log_prior(best.fit, catalogue) + share - math.log(best.probability)
 
 
-def _log_share(leftover: Leftover | None, configurations: Sequence[Leftover]) -> float:
-    """Log of the prior's share of a leftover, or of none."""
-    if not configurations:
+def _log_share(leftover: Leftover | None, shared_by: int) -> float:
+    """Log of the prior's share of a leftover out of so many, or of none."""
+    if not shared_by:
         return 0.0
-    return math.log(1 - P_LEFTOVER if leftover is None else P_LEFTOVER / len(configurations))
+    return math.log(1 - P_LEFTOVER if leftover is None else P_LEFTOVER / shared_by)
 
 
 def _last_word(w: Weighed, leftover: Leftover | None) -> float:
@@ -149,11 +150,16 @@ def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
 
 
 def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
-    """Nothing, and every effect alone: all simulated once, those that lead to the end; and where searches start."""
+    """Nothing, and every effect alone: all simulated once, those that lead to the end; and where searches start.
+
+    What gains nothing so near off that its signature was simulated further out stays on its line about nothing's state.
+    """
     nothing = Fit.nothing(refinery.residual.size)
     lines = _best_variants(_screened(refinery, nothing))
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
     straight = refinery.weighed(nothing).log_evidence
+    known = [line for line in lines if _is_known(line, straight)]
+    lines = [line for line in lines if not _is_known(line, straight)]
     nothing, *curves = refinery.simulated([nothing, *lines, *scans])
     curves, scans = curves[: len(lines)], curves[len(lines) :]
     starts = [
@@ -168,7 +174,7 @@ def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
     starts = [fit for fit, w in zip(starts, at_start, strict=True) if w.log_evidence > least]
     sigmas = [w.sigma for w in refinery.weighed_all(lines)]
     tried = [*map(_tangent, lines, curves, sigmas), *scans, *(refinery.simulated(starts) if starts else [])]
-    once = _best(tried)
+    once = _best([*tried, *_about(refinery, nothing, known)])
     leader = max(nothing.log_evidence, once[0].log_evidence)
     chosen = [
         fit
@@ -178,6 +184,23 @@ def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
     names = {fit.effects for fit in chosen}
     nothing, *followed = refinery.followed([nothing, *chosen], leader)
     return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])], scans
+
+
+def _is_known(line: Fit, nothing: float) -> bool:
+    """Whether an effect on its line is likely nothing, no further from off than where the line was simulated."""
+    (term,) = line.terms
+    near = abs(term.distance) <= abs(step_of(term.signature.entry))
+    return near and line.log_evidence < nothing - _LIKELY_NOTHING
+
+
+def _about(refinery: Refinery, nothing: Fit, lines: Sequence[Fit]) -> list[Fit]:
+    """Lines about what nothing was simulated to be, with their evidence there."""
+    moved = [
+        replace(line, shift=line.shift + nothing.shift, bend=nothing.bend, spreads=nothing.spreads)
+        for line in lines
+    ]
+    weighed = refinery.weighed_all(moved)
+    return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(moved, weighed, strict=True)]
 
 
 def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:

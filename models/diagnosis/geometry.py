@@ -176,19 +176,24 @@ class Geometry:
             for (a, b), o in zip(pairwise(ends), own, strict=True)
         ]
         log_det = np.zeros(len(leftovers))
-        on_spreads = np.concatenate([p.on_spreads for p in seen], axis=1)
+        named, place = np.unique(np.concatenate(own), return_inverse=True)
+        places = np.split(place, np.cumsum([o.size for o in own])[:-1])
+        on_spreads = np.concatenate([p.on_spreads[named] for p in seen], axis=1)
         on_basis = np.concatenate([p.on_basis for p in seen], axis=1)
+        among = self.between_spreads[named[:, None], named]
         at: tuple[Rows | None, Array] = None, np.empty((0, 0))
         for k, leftover in enumerate(leftovers):
-            on, outer, between = np.zeros((1, ends[-1])), on_spreads, self.between_spreads
+            on, outer, between = np.zeros((1, ends[-1])), on_spreads, among
             if leftover is not None:
                 let_in = self.admitted[leftover.key]
                 if at[0] is not leftover.columns:
                     at = leftover.columns, on_basis[leftover.columns]
-                on = root_solved(let_in.root, leftover.amplitude_W * at[1])
-                outer, between = outer - let_in.spreads.T @ on, between - let_in.spreads.T @ let_in.spreads
+                on, through = root_solved(let_in.root, leftover.amplitude_W * at[1]), let_in.spreads[:, named]
+                outer, between = outer - through.T @ on, between - through.T @ through
                 log_det[k] = let_in.log_det
-            for p, o, (inner, outside, inside), (a, b) in zip(seen, own, found, pairwise(ends), strict=True):
+            for p, o, (inner, outside, inside), (a, b) in zip(
+                seen, places, found, pairwise(ends), strict=True
+            ):
                 inner[k] = p.each_other - on[:, a:b].T @ on[:, a:b]
                 outside[k], inside[k] = outer[o, a:b], between[o[:, None], o]
         return [_taken_out(*parts, log_det) for parts in found]

@@ -7,8 +7,9 @@ at the measured set points. Which location and how many watts it has is not know
 rival of its own.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,10 +59,22 @@ class Leftover:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leftovers:
-    """``basis`` (Q, M): columns of all maps at one watt; ``configurations`` that are rivals of each other."""
+    """``basis`` (Q, M): columns of all maps at one watt; ``configurations`` that are rivals of each other.
+
+    ``shared_by`` so many is what the prior leaves for them all.
+    """
 
     basis: Array
     configurations: tuple[Leftover, ...]
+    shared_by: int
+
+    def among(self, keys: Collection[tuple[str, float]]) -> Self:
+        """Some of the configurations, each as likely beforehand as among all."""
+        chosen = [c for c in self.configurations if c.key in keys]
+        used = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *(c.columns for c in chosen)]))
+        places = {id(c.columns): np.searchsorted(used, c.columns) for c in chosen}
+        moved = tuple(replace(c, columns=places[id(c.columns)]) for c in chosen)
+        return replace(self, basis=self.basis[used], configurations=moved)
 
     def of(self, leftover: Leftover, pulled: Array) -> Array:
         """The most probable course (M,) of a leftover; ``pulled`` (M,) is C'^-1 of what was left with it in C'."""
@@ -71,7 +84,7 @@ class Leftovers:
     @classmethod
     def none(cls, readings: int) -> "Leftovers":
         """No leftover is thought possible."""
-        return cls(basis=np.empty((0, readings)), configurations=())
+        return cls(basis=np.empty((0, readings)), configurations=(), shared_by=0)
 
 
 def smooth_maps(place: Array) -> Array:
@@ -167,4 +180,6 @@ class _Basis:
             for name, columns, amplitudes in found
             for amplitude in amplitudes
         )
-        return Leftovers(basis=np.concatenate(self._blocks), configurations=configurations)
+        return Leftovers(
+            basis=np.concatenate(self._blocks), configurations=configurations, shared_by=len(configurations)
+        )

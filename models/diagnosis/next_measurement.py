@@ -173,13 +173,15 @@ def _again(refinery: Refinery, rivals: Sequence[Rival]) -> Again | None:
     return Again(rows=rows[:_LOOKED_AT], near=refinery.near)
 
 
-def _worth_doing(gains: Sequence[Array], first: Sequence[int], allowed: Allowed) -> int:
-    """How many steps to take of those that add so much (squared sigmas of each pair), each chosen for one pair."""
-    for k, pair in enumerate(first):
-        together = sum(float(gain[pair]) for gain in gains[k:])
-        if gains[k][pair] < allowed.least_sigma**2 and together < allowed.together_sigma**2:
-            return k
-    return len(first)
+def worth_doing(gains: Sequence[Array], first: Sequence[int], allowed: Allowed) -> int:
+    """How many steps to take of those that add so much (squared sigmas of each pair), each chosen for one pair.
+
+    To the last one that is worth it by itself; those behind it, all of them or none.
+    """
+    alone = [k + 1 for k, pair in enumerate(first) if gains[k][pair] >= allowed.least_sigma**2]
+    kept = max(alone, default=0)
+    together = [sum(float(gain[pair]) for gain in gains[kept:]) for pair in first[kept:]]
+    return len(first) if max(together, default=0.0) >= allowed.together_sigma**2 else kept
 
 
 @dataclass(slots=True)
@@ -246,7 +248,7 @@ class _Race:
             gains.append(gain[:, best])
             reached = reached + gain[:, best]
             self._take(best)
-        kept = _worth_doing(gains, [pair for _, pair in chosen], allowed)
+        kept = worth_doing(gains, [pair for _, pair in chosen], allowed)
         steps = dict[int, NextMeasurement]()
         for (option, pair), gain in zip(chosen[:kept], gains, strict=False):
             new = NextMeasurement.of(self.options.what[option], self._differ(pair), float(gain[pair]))

@@ -7,7 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import noiseless_covariance
-from models.diagnosis.evidence import log_total, on_tangents, weighed_with_leftovers
+from models.diagnosis.evidence import NEGLIGIBLE, log_total, on_tangents, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
@@ -160,8 +160,11 @@ class _Bench:
         ``near`` is what it was elsewhere, to begin from.
         """
         sigma, doubt = (first, np.zeros_like(first)) if near is None else (near.sigma, near.doubt)
+        bench = self
         for _ in range(_LOOKS):
-            look = _look(self.setting(sigma, doubt))
+            look = _look(bench.setting(sigma, doubt))
+            if look.whole:  # what was negligible then does not come back with a little more noise
+                bench = replace(bench, rivals=bench.rivals.among(look.leftovers))
             before, sigma = sigma, corrected(self.observations, self.noise, first, look.left * sigma / first)
             changed, doubt = np.hypot(before, doubt), _ROUGH * np.abs(look.explained)
             if np.all(np.abs(np.log(np.hypot(sigma, doubt) / changed)) < _SETTLED):
@@ -189,13 +192,14 @@ class _Look:
     """The best explanation on tangents, (M,): the cause with the leftover beside it; and how good all are together.
 
     ``left`` (M,) is what it leaves of every reading, in sigmas as if that one had not been fitted; it is ``whole``
-    without leftover.
+    without leftover. ``leftovers`` are those that are not negligible.
     """
 
     explained: Array
     left: Array
     log_evidence: float
     whole: bool
+    leftovers: frozenset[tuple[str, float]]
 
 
 def _look(setting: Setting) -> _Look:
@@ -220,4 +224,7 @@ def _look(setting: Setting) -> _Look:
         left=solved[0] / np.sqrt(np.maximum(share, 0.05)),
         log_evidence=log_total(weighed, refinery) - 0.5 * geometry.whitener.log_determinant,
         whole=best.leftover is None,
+        leftovers=frozenset(
+            h.leftover.key for h in weighed if h.leftover is not None and h.probability > NEGLIGIBLE
+        ),
     )

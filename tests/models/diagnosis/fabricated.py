@@ -84,10 +84,10 @@ class LinearBench:
 def white_leftovers(readings: int) -> Leftovers:
     """A leftover that may be anything at every reading, at several amplitudes."""
     columns = np.arange(readings)
-    configurations = (
+    configurations = tuple(
         Leftover(location="anywhere", amplitude_W=amplitude, columns=columns) for amplitude in AMPLITUDES_W
     )
-    return Leftovers(basis=np.eye(readings), configurations=tuple(configurations))
+    return Leftovers(basis=np.eye(readings), configurations=configurations, shared_by=len(configurations))
 
 
 def refinery(

@@ -13,7 +13,9 @@ ROOT = RNG.standard_normal((READINGS, READINGS))
 SPREADS, BASIS = RNG.standard_normal((4, READINGS)), RNG.standard_normal((5, READINGS))
 WHOLE = ROOT @ ROOT.T + READINGS * np.eye(READINGS) + SPREADS.T @ SPREADS
 LEFTOVER = Leftover(location="input", amplitude_W=1.7, columns=np.array([1, 3, 4]))
-GEOMETRY = Geometry.of(Whitener.of(WHOLE), SPREADS, Leftovers(basis=BASIS, configurations=(LEFTOVER,)))
+GEOMETRY = Geometry.of(
+    Whitener.of(WHOLE), SPREADS, Leftovers(basis=BASIS, configurations=(LEFTOVER,), shared_by=1)
+)
 VECTORS = RNG.standard_normal((3, READINGS))
 NOBODY = np.empty(0, dtype=np.intp)
 

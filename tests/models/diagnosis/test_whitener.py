@@ -81,3 +81,11 @@ def test_noise_is_on_the_diagonal() -> None:
         written_out(PARTS) + np.diag(variance),
         rtol=1e-12,  # rounding
     )
+
+
+@pytest.mark.parametrize("covariance", [PARTS, written_out(PARTS)], ids=["parts", "whole"])
+def test_whitener_knows_the_diagonal_of_the_inverse(covariance: Covariance | np.ndarray) -> None:
+    expected = np.diag(np.linalg.inv(written_out(PARTS)))
+    np.testing.assert_allclose(
+        Whitener.of(covariance).diagonal(), expected, rtol=1e-9
+    )  # condition below 1000
