@@ -126,7 +126,7 @@ def question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
         for cause in probable_causes(diagnosis, LIKELY)
         if cause.get("parameters") and _at_an_end(cause["effect"], float(cause["parameters"][0]["value"]))
     ]
-    if not reasons and diagnosis.get("verdict") == "unknown":
+    if not reasons and diagnosis.get("verdict") == "unknown" and not _alike(diagnosis):
         reasons = ["no known cause explains the gap"]
     if not reasons:
         return ""
@@ -134,6 +134,23 @@ def question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
         "Make sure first that the model describes the converter that was measured, and that every column is in its "
         f"unit: {join(reasons)}."
     )
+
+
+def question_of_rows(diagnosis: Mapping[str, Any]) -> str:
+    """What to ask where some rows stand out that are no outliers; else empty."""
+    rows = _alike(diagnosis)
+    if not rows:
+        return ""
+    said = join([f"row {row['row']} ({row['watts']:+.2f} W)" for row in rows[:STEPS_SHOWN]])
+    more = f" and {counted(len(rows) - STEPS_SHOWN, 'more row')}" if len(rows) > STEPS_SHOWN else ""
+    return (
+        f"Measure again what stands out: {said}{more}. The powers at the input and before the link miss the same "
+        "there, which noise does not do. If it repeats, the converter does it; if not, something else had changed."
+    )
+
+
+def _alike(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return list((diagnosis.get("unknown") or {}).get("rows") or ())
 
 
 def _at_an_end(name: str, value: float) -> bool:
@@ -145,8 +162,7 @@ def _at_an_end(name: str, value: float) -> bool:
 
 def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What a diagnosis asks for, the most urgent first."""
-    asked = question_of_the_model(diagnosis)
-    todo = [asked] if asked else []
+    todo = [asked for asked in (question_of_the_model(diagnosis), question_of_rows(diagnosis)) if asked]
     todo += [
         f"Check {effect_name(cause['effect'])}: {check}."
         for cause in probable_causes(diagnosis, ASKED_AFTER)

@@ -6,6 +6,8 @@ which the model runs, by all three. So where both elements ahead of the link mis
 output's power as it was read and against that behind the link, each beyond its own noise, it was the converter.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,23 +20,33 @@ Array = NDArray[np.float64]
 _AHEAD, _BEHIND = ("efficiency", "P_link1_W"), "P_link2_W"
 
 
-def agreement(setting: Setting, best: Hypothesis) -> float:
-    """The most sigmas by which two elements of one row miss the same, both at least, beside the ``best`` explanation.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confirmed:
+    """A row of the frame whose input power misses ``watts``, and the power before the link alike, both by ``sigma``."""
+
+    row: int
+    watts: float
+    sigma: float
+
+
+def confirmed(setting: Setting, best: Hypothesis) -> list[Confirmed]:
+    """Rows with widened readings of which two elements miss the same beside the ``best`` explanation, clearest first.
 
     A reading is predicted from all other rows, and has the noise of its channel, however far it was widened.
     """
     refinery = setting.refinery
     rows = _widened(refinery.observations, setting.sigma > setting.usual)
     if not rows.size:
-        return 0.0
+        return []
     each = np.zeros((rows.size, setting.sigma.size))
     each[np.arange(rows.size), rows.ravel()] = 1.0
     inverse = refinery.solve(best.fit, each, best.leftover)
     pulled = refinery.solved(best.fit, best.leftover)
-    return max(
+    found = [
         _in_common(np.linalg.inv(own[:, row]), pulled[row], setting, row)
         for row, own in zip(rows, inverse.reshape(*rows.shape, -1), strict=True)
-    )
+    ]
+    return sorted((c for c in found if c.sigma > 0.0), key=lambda c: -c.sigma)
 
 
 def _widened(observations: Observations, widened: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -47,8 +59,8 @@ def _widened(observations: Observations, widened: NDArray[np.bool_]) -> NDArray[
     return rows[np.any(widened[rows[:, :2]], axis=1)]
 
 
-def _in_common(covariance: Array, pulled: Array, setting: Setting, row: NDArray[np.intp]) -> float:
-    """The same of one row's three readings: their ``covariance`` given all others, and C'^-1 of what is left there."""
+def _in_common(covariance: Array, pulled: Array, setting: Setting, row: NDArray[np.intp]) -> Confirmed:
+    """What one row's three readings miss: their ``covariance`` given all others, and C'^-1 of what is left there."""
     missed = covariance @ pulled
     noise = covariance + np.diag(setting.usual[row] ** 2 - setting.sigma[row] ** 2)
     per_watt = setting.refinery.known.per_watt[row]
@@ -58,4 +70,9 @@ def _in_common(covariance: Array, pulled: Array, setting: Setting, row: NDArray[
         missed[:2] / np.sqrt(np.diag(noise)[:2]),
         against @ missed / np.sqrt(np.diag(against @ noise @ against.T)),
     ])  # fmt: skip
-    return float(np.min(np.abs(beyond))) if np.ptp(np.sign(beyond)) == 0.0 else 0.0
+    same = np.ptp(np.sign(beyond)) == 0.0
+    return Confirmed(
+        row=int(setting.refinery.observations.row[row[0]]),
+        watts=float(missed[0]),
+        sigma=float(np.min(np.abs(beyond))) if same else 0.0,
+    )

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from models.calibrated import CalibratedPhysics
 from models.calibration import calibrate
 from models.dataset import Measurements
-from models.diagnosis.agreement import agreement
+from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.extension import extended, interval
@@ -35,7 +35,7 @@ from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
 from models.diagnosis.signatures import first_looks, margin, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
-from models.diagnosis.verdict import Cause, Verdict, judge
+from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
 from sim.side_by_side import kept
@@ -66,6 +66,7 @@ class Diagnosis:
     rivals: list[Rival]
     refinery: Refinery
     unexplained: Unexplained | None
+    alike: list[Confirmed]
     sight: list[Sight]
     extended: Model
     leading: Fit
@@ -118,7 +119,9 @@ class Diagnosis:
             "consistent": {"probability": v.consistent_probability},
             "causes": [self._cause(c) for c in v.causes],
             "groups": [list(g) for g in v.groups],
-            "unknown": {"probability": v.unknown_probability, "formula": None} | self._unexplained(),
+            "unknown": {"probability": v.unknown_probability, "formula": None}
+            | self._unexplained()
+            | {"rows": [asdict(row) for row in self.alike]},
             "next": [n.as_plain() for n in self.next] if ahead else [],
             "gain": self._gain(),
             "model": model_file,
@@ -340,11 +343,12 @@ def _diagnosed(
     progress("weighing the causes")
     hypotheses = posterior(refinery)
     nameless = unexplained(hypotheses, refinery)
+    alike = confirmed(setting, hypotheses[0])
     verdict = judge(
         hypotheses,
         refinery.geometry.whitener,
         misfit=_misfit(setting, hypotheses),
-        agreement=agreement(setting, hypotheses[0]),
+        agreement=alike[0].sigma if alike else 0.0,
         leftover=0.0 if nameless is None else nameless.size,
     )
     if verdict.stated:
@@ -362,6 +366,7 @@ def _diagnosed(
         rivals=rivals,
         refinery=refinery,
         unexplained=nameless,
+        alike=[replace(c, row=measurements.rows[c.row]) for c in alike if c.sigma > BY_CHANCE],
         sight=sight(refinery),
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,

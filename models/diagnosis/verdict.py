@@ -157,24 +157,24 @@ def judge(
     something.
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
-    nothing that was tried explains the data, and no cause is listed. Nor is one where readings that were taken for
-    outliers confirm each other: ``agreement`` is by how many sigmas.
+    nothing that was tried explains the data, and no cause is listed. Where readings that were taken for outliers
+    confirm each other, by ``agreement`` sigmas, none is stated.
     """
-    explained = misfit <= _UNEXPLAINED and agreement <= BY_CHANCE
+    fits, alike = misfit <= _UNEXPLAINED, agreement > BY_CHANCE
     bare = [h for h in hypotheses if not h.fit.terms]
     faint = leftover < _FAINT
     ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
-    causes = marginal(hypotheses) if explained else []
+    causes = marginal(hypotheses) if fits else []
     least = max(leftover, _caught(hypotheses))
-    large = [c for c in causes if c.term.significance >= least * _above(c.term)]
+    large = [c for c in causes if not alike and c.term.significance >= least * _above(c.term)]
     groups = _groups(large, hypotheses, whitener, excluded=ordinary < 1 - SURE)
     sure = {c.effect for c in large if c.probability >= SURE}
     named = tuple(group[0] for group in groups if len(group) == 1 and group[0] in sure)
     if groups:
         kind = "named" if named else "group"
-    elif ordinary >= 1 - SURE and ordinary >= nameless and explained:
+    elif ordinary >= 1 - SURE and ordinary >= nameless and fits and not alike:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"
@@ -186,7 +186,7 @@ def judge(
         stated=named or tuple(group[0] for group in groups),
         consistent_probability=ordinary,
         nothing_probability=sum(h.probability for h in bare if h.leftover is None),
-        unknown_probability=beyond if explained else 1.0,
+        unknown_probability=beyond if fits and not alike else 1.0,
     )
 
 

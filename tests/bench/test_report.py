@@ -183,6 +183,17 @@ def test_a_cause_as_large_as_is_searched_asks_for_the_model_first(data):
     assert unknown[0].endswith("in its unit: no known cause explains the gap.")
 
 
+def test_rows_that_stand_out_and_are_no_outliers_are_to_be_measured_again(data):
+    rows = [{"row": k, "watts": 3.2, "sigma": 8.0} for k in (7, 12, 19, 23)]
+    unknown = DIAGNOSIS | {"verdict": "unknown", "causes": [], "unknown": {"probability": 1.0, "rows": rows}}
+    first = actions(replace(data, diagnosis=unknown))[0]
+    assert first.startswith(
+        "Measure again what stands out: row 7 (+3.20 W), row 12 (+3.20 W) and row 19 (+3.20 W)"
+    )
+    assert "and 1 more row." in first
+    assert not any("Make sure first" in action for action in actions(replace(data, diagnosis=unknown)))
+
+
 def test_words_from_outside_are_escaped(data, tmp_path):
     nasty = "</script><script>alert(1)</script>"
     text = body(replace(data, notes=(nasty,), bench=nasty), tmp_path)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.agreement import agreement
+from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.noise import estimate_noise
@@ -35,8 +35,8 @@ def bench() -> tuple[Observations, Signatures]:
     return replace(observed, value=value).take(kept), known.take(kept)
 
 
-def agreed(bench: tuple[Observations, Signatures], *channels: str) -> float:
-    """The agreement beside nothing, with so many watts more in some channels of one row."""
+def found(bench: tuple[Observations, Signatures], *channels: str) -> list[Confirmed]:
+    """What is confirmed beside nothing, with so many watts more in some channels of one row."""
     observations, known = bench
     off = np.any([observations.of(name) for name in channels], axis=0) & (observations.row == ROW)
     observations = replace(observations, value=observations.value + ERROR_W * off)
@@ -48,13 +48,16 @@ def agreed(bench: tuple[Observations, Signatures], *channels: str) -> float:
     )
     assert np.all(setting.sigma[off] > 3 * setting.usual[off])  # taken for outliers, all of them
     nothing = Hypothesis(fit=Fit.nothing(observations.value.size), leftover=None, probability=1.0)
-    return agreement(setting, nothing)
+    return [c for c in confirmed(setting, nothing) if c.sigma > BY_CHANCE]
 
 
 def test_watts_that_both_elements_ahead_of_the_link_miss_are_no_outlier(
     bench: tuple[Observations, Signatures],
 ) -> None:
-    assert agreed(bench, *AHEAD) > 2 * BY_CHANCE
+    (row,) = found(bench, *AHEAD)
+    assert row.row == ROW
+    assert row.sigma > 2 * BY_CHANCE
+    assert row.watts == pytest.approx(ERROR_W, abs=0.6)  # of which noise and the prediction are a few tenths
 
 
 @pytest.mark.parametrize(
@@ -65,4 +68,4 @@ def test_watts_that_both_elements_ahead_of_the_link_miss_are_no_outlier(
 def test_what_one_element_misses_or_all_alike_is_an_outlier(
     bench: tuple[Observations, Signatures], channels: tuple[str, ...]
 ) -> None:
-    assert agreed(bench, *channels) < BY_CHANCE
+    assert not found(bench, *channels)
