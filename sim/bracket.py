@@ -111,7 +111,8 @@ class Bracketed:
         limit[little], most_W[little], phases, powers = self._peak(little)
         search = _Search.between(lowest_phase(self.circuit, self.edges, self.way), limit, goal_W)
         search.short[:] = most_W < goal_W * (1.0 - tolerance)
-        search.descend(most_W, self._lossless_phase(goal_W / most_W, limit))
+        share = np.divide(goal_W, most_W, out=np.ones_like(goal_W), where=goal_W < most_W)
+        search.descend(most_W, self._lossless_phase(share, limit))
         search.narrow(little, phases, powers)
         for step in range(_ROOT_STEPS):
             if step % _ROUND == 0:

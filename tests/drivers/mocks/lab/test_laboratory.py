@@ -9,6 +9,7 @@ from drivers.mocks.lab.choke import REFERENCE_A, Choke
 from drivers.mocks.lab.hidden import Quirks
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.legs import channel_Ohm
+from drivers.mocks.lab.survey import noise_free_efficiency
 from drivers.mocks.lab.waveforms import winding_Ohm
 from sim.parameters import leaves
 from sim.prototype import prototype
@@ -152,3 +153,12 @@ def test_rows_start_warm_from_the_row_before() -> None:
     for k in range(3):
         expected = end.transformer_C[k] + (expected - end.transformer_C[k]) * keep
         assert lag.transformer_C[k] == pytest.approx(expected)
+
+
+def test_pulses_without_width_carry_nothing() -> None:
+    lab = Laboratory.draw(seed=5)
+    efficiency = noise_free_efficiency(
+        lab, np.array([0.0, 0.8]), np.array([1.0, 0.2]), np.array([200.0, 200.0])
+    )
+    assert np.isnan(efficiency[0])
+    assert 0.9 < efficiency[1] < 1.0
