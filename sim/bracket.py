@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import NEAR, SHIFT, Accuracy, Demand, Orbit, periodic, settle
+from sim.steady_state import NEAR, SHIFT, Accuracy, Demand, Effort, Orbit, periodic, settle
 from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
@@ -82,7 +82,9 @@ class Bracketed:
         """Powers (K, M) at many phases of some of the points, all at once, and the states (6, K, M) there."""
         repeated = np.tile(chosen, phases.shape[0])
         circuit, edges, guess = self._guess(phases.ravel(), repeated)
-        state, orbit, _ = settle(circuit, edges, guess, None, accuracy=NEAR, rounds=_SCAN_ROUNDS)
+        state, orbit, _ = settle(
+            circuit, edges, guess, None, accuracy=NEAR, effort=Effort(rounds=_SCAN_ROUNDS)
+        )
         powers = (self.way[repeated] * orbit.output_power_W()).reshape(phases.shape)
         return powers, state.reshape(6, *phases.shape)
 
@@ -147,9 +149,8 @@ class Bracketed:
         state[5] = way * search.phase[busy]
         ends = np.sort(np.stack([way * search.low[busy], way * search.high[busy]]), axis=0)
         demand = Demand(power_W=way * search.goal_W[busy], lowest=ends[0], highest=ends[1])
-        state, _, met = settle(
-            circuit, self.edges.take(busy, axis=1), state, demand, accuracy=self.accuracy, rounds=_TRIES
-        )
+        edges, effort = self.edges.take(busy, axis=1), Effort(rounds=_TRIES, left_open=busy.size // 10)
+        state, _, met = settle(circuit, edges, state, demand, accuracy=self.accuracy, effort=effort)
         search.phase[busy[met]] = way[met] * state[5, met]
         search.reached[busy[met]] = True
         self._keep(busy[met], self.edges[:, busy[met]] + SHIFT * state[5, met], state[:, met])

@@ -62,10 +62,10 @@ class Commutation:
         """One of the edges, or several."""
         return type(self)(**{name: getattr(self, name)[which] for name in self.__slots__})
 
-    def put(self, where: Any, part: "Commutation") -> None:
-        """Renew some of the edges."""
+    def put(self, places: Index, part: "Commutation") -> None:
+        """Renew some of the edges, by their places in the arrays seen as one row."""
         for name in self.__slots__:
-            getattr(self, name)[where] = getattr(part, name)
+            getattr(self, name).reshape(-1)[places] = getattr(part, name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

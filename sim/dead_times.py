@@ -158,8 +158,9 @@ def commutations(
                     legs[leg, group],
                     points[group],
                 )
-            found.put((legs, points), part)
-            per_phase[legs, points] = change
+            places = legs * edges.shape[1] + points
+            found.put(places, part)
+            per_phase.reshape(-1)[places] = change
     if not sloped:
         return found, None
     first = groups.first

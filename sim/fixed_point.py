@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _ROUNDS = 32
 _LIGHT = 7  # rounds of one step of Newton's rule each; what is open then has its orbits closed before losses are asked
 _FEW, _SHARE = 40, 1 / 30  # of all: so few settle sooner by a response of their own
+_END = 0.8  # of the phase at the end of the branch: Newton's rule gets lost beyond
 _BRANCH = 0.005  # of Th: a longer last step of the phase leads to another solution
 _ABSURD = 3.0  # times the power of the round before, or the rated one
 _MODERATE_K = 20.0  # above ambient
@@ -121,12 +122,13 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
 def _left_open(station: Station, busy: NDArray[np.intp]) -> NDArray[np.intp]:
     """Which of the busy points do not settle by a response of their own; those that do are written to the station.
 
-    The others are near the most that they carry as a rule: their phase is to be looked for in a bracket.
+    Others near the end of their branch have their phase looked for in a bracket.
     """
     settled, there = settled_alone(station.take(busy))
-    station.known.reached[busy] = settled
+    known = station.known
+    known.reached[busy] = settled | (np.abs(known.phase[busy]) < _END * known.limit[busy])
     done = np.flatnonzero(settled)
-    station.known.put(busy[done], there.known.take(done))
+    known.put(busy[done], there.known.take(done))
     station.slow.put(busy[done], pick(there.slow, done).by_name())
     return busy[~settled]
 

@@ -44,6 +44,14 @@ class Demand:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """Rounds of Newton's rule at most, and how many points may be left open sooner."""
+
+    rounds: int = _NEWTON
+    left_open: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Response:
     """What a small change does to the rest of a half period: of the start by 1 A, then of each leg's flip by 1 Th.
 
@@ -220,26 +228,24 @@ def settle(
     demand: Demand | None,
     *,
     accuracy: Accuracy = FINE,
-    rounds: int = _NEWTON,
-    left_open: int = 0,
+    effort: Effort = Effort(),
 ) -> tuple[Array, Orbit, NDArray[np.bool_]]:
     """Newton's rule from ``state`` (6, N): start current in A, delays and phase in Th.
 
-    Returns the state, the orbit there, and where everything is met to the ``accuracy``, after ``rounds`` at most, or as
-    soon as no more than so many points are ``left_open``.
+    Returns the state, the orbit there, and where everything is met to the ``accuracy`` with no more than an ``effort``.
     ``edges`` (4, N) are those at phase 0; without a demand the phase stays.
     """
     size, work = state.shape[1], _Work.of(circuit, edges, state, demand, accuracy)
     whole, met, orbit = state.copy(), np.zeros(size, dtype=bool), None
-    for turn in range(rounds):
-        last = turn == rounds - 1
+    for turn in range(effort.rounds):
+        last = turn == effort.rounds - 1
         sweep = Sweep.of(work.circuit, work.edges, work.state, sloped=not last)
         work.judge(sweep)
         whole[:, work.rows], met[work.rows] = work.state, work.done
         part = sweep.orbit(work.state, accuracy)
         orbit = part if orbit is None or work.rows.size == size else orbit.renewed(work.rows, part)
         busy = np.count_nonzero(work.busy())
-        if last or busy <= left_open:
+        if last or busy <= effort.left_open:
             break
         work.move(sweep)
         if busy < _ROOMY * work.rows.size:

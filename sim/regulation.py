@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.bracket import Bracketed, lowest_phase
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Orbit, settle, step_once
+from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Effort, Orbit, settle, step_once
 from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
@@ -126,7 +126,7 @@ def regulate(
             state.take(asked, axis=1),
             demand.take(asked),
             accuracy=accuracy,
-            left_open=int(_FEW_MORE * (way.size - asked.size)),
+            effort=Effort(left_open=int(_FEW_MORE * (way.size - asked.size))),
         )
         orbit = part.among(way.size, asked)
     asked_again = met if warm is None or not rising else met & (np.abs(state[5] - warm.phase) > 0.5 * _BACK)
@@ -148,7 +148,7 @@ def regulate(
                 state.take(reached, axis=1),
                 None,
                 accuracy=accuracy,
-                rounds=_POLISH,
+                effort=Effort(rounds=_POLISH),
             )
             orbit = orbit.renewed(reached, part)
     assert orbit is not None
@@ -165,7 +165,7 @@ def _falling(
     before = state.take(doubtful, axis=1)
     before[5] -= np.copysign(_BACK, before[5])
     _, orbit, _ = settle(
-        circuit.take(doubtful), edges.take(doubtful, axis=1), before, None, rounds=_BACK_ROUNDS
+        circuit.take(doubtful), edges.take(doubtful, axis=1), before, None, effort=Effort(rounds=_BACK_ROUNDS)
     )
     return doubtful[np.abs(orbit.output_power_W()) > np.abs(target_W[doubtful])]
 

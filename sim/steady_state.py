@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.anderson import accelerated
 from sim.dead_times import magnetizing_current
-from sim.newton import Demand, settle, step_once
+from sim.newton import Demand, Effort, settle, step_once
 from sim.orbit import COARSE, FINE, NEAR, SHIFT, Accuracy, Orbit, Sweep
 from sim.pieces import Pieces
 from sim.waveform import Circuit, lossless_start_A
@@ -24,6 +24,7 @@ __all__ = [
     "Accuracy",
     "Circuit",
     "Demand",
+    "Effort",
     "Orbit",
     "Pieces",
     "half_period",

@@ -39,17 +39,18 @@ def commutate(meeting: Meeting, curves: Curves, *, sloped: bool = True) -> Commu
 
 def _integrate(legs: "_Alone | _Together", curves: Curves, whole: Commutation, rows: Index) -> None:
     """Take legs through their dead times into rows of the whole."""
+    columns = whole.delay_s.shape[1] * np.arange(len(whole.delay_s))[:, None]
     for k in range(legs.steps):
         if k in legs.looks:
             stays = legs.finish(k)
             if np.any(stays):
                 done, going = np.flatnonzero(stays), np.flatnonzero(~stays)
-                whole.put((slice(None), rows[done]), legs.outcome(done))
+                whole.put(columns + rows[done], legs.outcome(done))
                 if not going.size:
                     return
                 legs, rows = legs.take(going), rows[going]
         legs.step(curves, k)
-    whole.put((slice(None), rows), legs.outcome(slice(None)))
+    whole.put(columns + rows, legs.outcome(slice(None)))
 
 
 def _grid(steps: int) -> Array:
@@ -116,7 +117,7 @@ class _Alone:
 
     def take(self, chosen: Index) -> "_Alone":
         """Some of the legs."""
-        own = {name: value[chosen] for name, value in vars(self).items() if name != "sloped"}
+        own = {name: value.take(chosen) for name, value in vars(self).items() if name != "sloped"}
         return _Alone(sloped=self.sloped, **own)
 
     def slope(self, h: Array) -> tuple[Array, Array]:

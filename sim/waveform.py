@@ -17,7 +17,7 @@ Assumption: the secondary's thresholds and the transformer's windings carry the 
 out of what drives the magnetizing current's triangle; its power is not (:meth:`sim.pieces.Pieces.bridge_energy`).
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -29,6 +29,7 @@ from sim.stacking import own_rows
 
 Array = NDArray[np.float64]
 
+_SHARED = ("curves", "bends_A")
 _NEVER = -0.999999  # of a decay's asymptote: what the line alone carries over is left to Newton's rule
 _INSTANT_S = 1e-30
 _CROSSINGS = 2  # steps: the line is a hundredth of the slope
@@ -68,14 +69,14 @@ class Circuit:
 
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """The circuit at some of its points."""
-        shared = {"curves", "bends_A"} | ({"relative_L"} if self.bends_A.size == 0 else set())
-        values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in shared}
-        of_points = {
-            name: value.take(chosen, axis=-1)
-            for name, value in values.items()
-            if isinstance(value, np.ndarray)
-        }
-        return replace(self, **of_points)
+        part = object.__new__(type(self))  # made of what was made: ten times as fast as replace()
+        shared = _SHARED if self.bends_A.size else (*_SHARED, "relative_L")
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray) and name not in shared:
+                value = value.take(chosen, axis=-1)
+            object.__setattr__(part, name, value)
+        return part
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

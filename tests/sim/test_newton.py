@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.newton import Demand, jacobian, settle
+from sim.newton import Demand, Effort, jacobian, settle
 from sim.orbit import COARSE, Sweep
 from sim.steady_state import periodic
 from sim.waveform import lossless_start_A
@@ -65,5 +65,5 @@ def test_few_sweeps_close_nearly_every_orbit(solved: tuple) -> None:
     start = np.zeros_like(state)
     start[5] = state[5]
     start[0] = lossless_start_A(c, edges + PHASE_SHIFT * start[5])
-    _, _, met = settle(c, edges, start, None, rounds=6)
+    _, _, met = settle(c, edges, start, None, effort=Effort(rounds=6))
     assert met.mean() > 0.9  # a wrong Jacobian takes tens
