@@ -35,6 +35,11 @@ def read_model(path: Path) -> Model:
     return Model(converter=converter, effects=good)
 
 
+def model_from(path: Path | None) -> Model:
+    """The simulation model in a file, or the baseline."""
+    return Model.baseline() if path is None else read_model(path)
+
+
 def write_model(path: Path, model: Model) -> None:
     """Write a model; :func:`read_model` gives it back."""
     write_atomically(path, to_toml(model.as_plain()))

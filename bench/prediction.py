@@ -1,14 +1,13 @@
 """What the simulator says of set points, before any of them is set."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.config import ConverterConfig
-from bench.model_file import read_model
+from bench.model_file import model_from
 from sim.model import Model
 from sim.simulate import Points, simulate
 
@@ -85,8 +84,3 @@ def model_of(converter: ConverterConfig) -> Model:
     """The simulation model of a bench, under the bench's modulation."""
     model = model_from(converter.model)
     return model if converter.modulation is None else model.driven_by(converter.modulation)
-
-
-def model_from(path: Path | None) -> Model:
-    """The simulation model in a file, or the baseline."""
-    return Model.baseline() if path is None else read_model(path)

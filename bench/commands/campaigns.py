@@ -9,8 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 from sqlalchemy import RowMapping
 
+from bench.commands.measurements import read_measurements
 from bench.commands.options import Database
-from bench.commands.streams import err, out, stamp
+from bench.commands.streams import out, stamp
 from bench.errors import InputError, StateError
 from bench.plan import most_rows
 from bench.states import STOPPED, State
@@ -18,10 +19,7 @@ from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_u
 from bench.store.tables import CHOICE, CHOSEN
 from bench.table_file import file_hash, write_table
 from bench.wording import counted
-from models.dataset import DatasetError, Measurements, load_measurements
 from models.other_names import OtherName, OtherNameError
-
-_REJECTED_SHOWN = 20  # rows that are left out, each in a line of its own
 
 app = typer.Typer()
 
@@ -186,18 +184,3 @@ def _other_names(said: Sequence[str]) -> list[OtherName]:
         return [OtherName.parse(text) for text in said]
     except OtherNameError as error:
         raise InputError.of("command line", "--column", None, str(error)) from error
-
-
-def read_measurements(file: Path, names: Sequence[OtherName] = ()) -> Measurements:
-    """A measurement table, checked; says which rows and columns are not used."""
-    try:
-        measured = load_measurements(file, names)
-    except DatasetError as error:
-        raise InputError.of(file, "measurement table", None, str(error).removeprefix(f"{file}: ")) from error
-    for note in measured.notes:
-        err.print(escape(f"{file}: {note}"))
-    for row in measured.rejected[:_REJECTED_SHOWN]:
-        err.print(escape(f"{file}: {row}"))
-    if (more := len(measured.rejected) - _REJECTED_SHOWN) > 0:
-        err.print(escape(f"{file}: and {counted(more, 'row')} more left out"))
-    return measured

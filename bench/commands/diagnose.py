@@ -4,28 +4,29 @@ import json
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from bench.commands.campaigns import read_measurements
+from bench.commands.measurements import read_measurements
 from bench.commands.options import Database, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
-from bench.model_file import write_model
-from bench.prediction import model_from
+from bench.model_file import model_from, write_model
 from bench.report import question_of_rows, question_of_the_model
-from bench.store import Store, database_url
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
 from bench.wording import counted, effect_name, parameter_text, verdict_text
 from models.dataset import Measurements, load_measurements
 from sim.effects.catalogue import effect
 from sim.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from bench.store import Store
 
 MOST_ROWS = 5000  # memory of a diagnosis rises with readings squared: some gigabytes here
 
@@ -96,7 +97,7 @@ def diagnose(
     )
     write_diagnosis_page(out_dir / "diagnosis.html", page)
     if campaign_id is not None:
-        with Store(database_url(db)) as store:
+        with _store(db) as store:
             store.add_diagnosis(plain, campaign_id=campaign_id)
     tell(plain)
     out.print(escape(f"written to {out_dir}: diagnosis.html, diagnosis.json, model.toml, residuals.csv"))
@@ -122,12 +123,18 @@ def measured(data: str, db: str | None) -> tuple[Measurements, int | None, bool]
     if not data.isdigit():
         table = read_measurements(Path(data))
         return table, None, bool(table.virtual)
-    with Store(database_url(db)) as store:
+    with _store(db) as store:
         virtual = bool(store.campaign(int(data))["virtual"])
         frame: pd.DataFrame = store.measurement_table(int(data))
     if not len(frame):
         raise InputError.of(f"campaign {data}", "rows", None, "holds no accepted rows")
     return load_measurements(frame), int(data), virtual
+
+
+def _store(db: str | None) -> "Store":
+    from bench.store import Store, database_url  # here: a diagnosis of a file needs no database
+
+    return Store(database_url(db))
 
 
 def tell(plain: dict[str, Any]) -> None:

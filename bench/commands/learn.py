@@ -8,11 +8,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from bench.commands.campaigns import read_measurements
+from bench.commands.measurements import read_measurements
 from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
-from bench.prediction import model_from
+from bench.model_file import model_from
 from bench.store import Store, database_url
 from bench.training import (
     HALF_WIDTH,

@@ -19,8 +19,8 @@ from bench.config import read_bench
 from bench.errors import BenchError, InputError
 from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_beside, write_lut
 from bench.lut_on_bench import following, load_into_controller, table_rows, verification, verified
+from bench.model_file import model_from
 from bench.optimum import BestModulation
-from bench.prediction import model_from
 from bench.store import Store, database_url
 from bench.table_file import check_ending, write_table
 from bench.training import HALF_WIDTH, efficiency_of

@@ -9,7 +9,7 @@ from rich.markup import escape
 from bench.commands.options import D1, D2, ModelFile, Power, point_problems
 from bench.commands.streams import out
 from bench.errors import InputError, Problem
-from bench.prediction import model_from
+from bench.model_file import model_from
 from sim.netlist import netlist
 from sim.operating_points import Points
 

@@ -11,7 +11,7 @@ from bench.commands.models import now
 from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
-from bench.prediction import model_from
+from bench.model_file import model_from
 from bench.processes import behind_the_campaign
 from bench.retrain import KINDS, Retrainer, Retraining, newest_data, note_in_store, watch
 from bench.store import Store, database_url

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bench.commands.options import ModelFile, check_folder
 from bench.commands.streams import err, out
 from bench.errors import InputError
-from bench.prediction import model_from
+from bench.model_file import model_from
 from bench.set_points import parse_space, read_points
 from bench.sweep import CHUNK_ROWS, Rows, Sweep, TableRows, Watch, run_sweep
 from bench.table_file import check_ending

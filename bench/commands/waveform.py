@@ -10,9 +10,9 @@ from rich.markup import escape
 from bench.commands.options import D1, D2, ModelFile, Power, check_folder, point_problems
 from bench.commands.streams import out
 from bench.errors import InputError, Problem
+from bench.model_file import model_from
 from bench.oscillogram_figure import PICTURES, oscillogram_figure, oscillogram_table
 from bench.paper_figures import DPI
-from bench.prediction import model_from
 from bench.table_file import ENDINGS, write_table
 from bench.wording import join
 from sim.modulation import EDGES
