@@ -28,6 +28,7 @@ _SHARPENED = 6  # that get slopes simulated at their values
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
+_AS_PROMISED = 2.0  # in log evidence: nothing that was simulated so near its tangent has no more to gain
 _LIKELY_NOTHING = 1.0  # in log evidence: how far behind nothing
 _FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out, three times over
 _SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
@@ -182,7 +183,10 @@ def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
         if fit.log_evidence > hopeless(leader) and (k < _FOLLOWED or _significant(refinery, fit))
     ]
     names = {fit.effects for fit in chosen}
-    nothing, *followed = refinery.followed([nothing, *chosen], leader)
+    if abs(nothing.log_evidence - straight) > _AS_PROMISED:
+        nothing, *followed = refinery.followed([nothing, *chosen], leader)
+    else:
+        followed = refinery.followed(chosen, leader)
     return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])], scans
 
 
