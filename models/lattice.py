@@ -14,9 +14,8 @@ from models.optimise import OptimumTable
 from models.surrogate import EfficiencyModel
 
 _FIRST = 26  # nodes along D1 and along D2: steps of 0.04
-_HILLS = 6  # of each load that are climbed
+_HILLS = (12, 12, 6, 6)  # of each load that are climbed, round by round: a narrow one is low at first
 _AROUND = np.linspace(-1.0, 1.0, 5)
-_ROUNDS = 4
 _NARROWER = 0.4
 
 
@@ -30,20 +29,22 @@ def optimise_on_lattice(model: EfficiencyModel, loads_W: Floats) -> OptimumTable
     D1, D2 = (x.ravel() for x in np.meshgrid(nodes, nodes, indexing="ij"))
     value = _values(model, loads, np.tile(D1, (loads.size, 1)), np.tile(D2, (loads.size, 1)))
     tops = _tops(value.reshape(loads.size, _FIRST, _FIRST))  # (L, hills)
-    climbed = np.repeat(loads, _HILLS)
-    best = np.take_along_axis(value, tops, axis=1).ravel()
-    first, second, step = D1[tops].ravel(), D2[tops].ravel(), nodes[1]
+    best, first, second = np.take_along_axis(value, tops, axis=1), D1[tops], D2[tops]
     near = np.stack(np.meshgrid(_AROUND, _AROUND, indexing="ij")).reshape(2, -1)
-    for _ in range(_ROUNDS):
-        x = np.clip(first[:, None] + step * near[0], 0.0, 1.0)
-        y = np.clip(second[:, None] + step * near[1], 0.0, 1.0)
-        found = _values(model, climbed, x, y)
-        rows, k = np.arange(climbed.size), np.argmax(found, axis=1)
-        better = found[rows, k] > best
-        best = np.where(better, found[rows, k], best)
-        first, second = np.where(better, x[rows, k], first), np.where(better, y[rows, k], second)
+    step = nodes[1]
+    for hills in _HILLS:
+        kept = np.argsort(-best, axis=1, kind="stable")[:, :hills]
+        best, first, second = (np.take_along_axis(a, kept, axis=1) for a in (best, first, second))
+        x = np.clip(first[:, :, None] + step * near[0], 0.0, 1.0)
+        y = np.clip(second[:, :, None] + step * near[1], 0.0, 1.0)
+        found = _values(model, np.repeat(loads, hills), *(a.reshape(-1, near[0].size) for a in (x, y)))
+        found = _beside(best, found.reshape(x.shape))
+        k = np.argmax(found, axis=2)[:, :, None]
+        best, first, second = (
+            np.take_along_axis(a, k, axis=2)[:, :, 0] for a in (found, _beside(first, x), _beside(second, y))
+        )
         step *= _NARROWER
-    highest = np.arange(loads.size) * _HILLS + np.argmax(best.reshape(-1, _HILLS), axis=1)
+    highest = np.arange(loads.size), np.argmax(best, axis=1)
     reached = np.isfinite(best[highest])
     return OptimumTable(
         power_W=loads,
@@ -53,8 +54,13 @@ def optimise_on_lattice(model: EfficiencyModel, loads_W: Floats) -> OptimumTable
         regret=np.full(loads.size, np.nan),
         confirmed=reached,
         optimiser="lattice, refined",
-        evaluations=_FIRST**2 + _ROUNDS * _HILLS * _AROUND.size**2,
+        evaluations=_FIRST**2 + sum(_HILLS) * _AROUND.size**2,
     )
+
+
+def _beside(one: Floats, more: Floats) -> Floats:
+    """One candidate (L, hills) before more of them (L, hills, K)."""
+    return np.concatenate([one[:, :, None], more], axis=2)
 
 
 def _values(model: EfficiencyModel, loads: Floats, D1: Floats, D2: Floats) -> Floats:
@@ -71,4 +77,4 @@ def _tops(value: Floats) -> NDArray[np.intp]:
     highest = np.max([padded[:, i : i + count, j : j + count] for i, j in shifts], axis=0)
     top = (value >= highest) & np.isfinite(value)
     ranked = np.lexsort((-value.reshape(len(value), -1), ~top.reshape(len(value), -1)), axis=1)
-    return np.asarray(ranked[:, :_HILLS])
+    return np.asarray(ranked[:, : _HILLS[0]])

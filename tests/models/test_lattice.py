@@ -34,6 +34,20 @@ def test_a_narrow_hill_between_nodes_is_found_where_it_is_the_highest() -> None:
     assert np.all(found.predicted > 0.972)
 
 
+def test_a_narrow_hill_that_is_low_at_its_nodes_is_climbed_beside_broader_ones() -> None:
+    class Crowded:
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            def hill(first: float, second: float, width: float) -> Floats:
+                apart = (np.asarray(D1) - first) ** 2 + (np.asarray(D2) - second) ** 2
+                return np.exp(-apart / width**2)
+
+            broad = sum(hill(0.2 * k, 0.2 * j, 0.05) for k in range(1, 5) for j in (1, 2))
+            return 0.96 + 0.008 * broad + 0.012 * hill(0.5, 0.82, 0.02)
+
+    found = optimise_on_lattice(Crowded(), LOADS)  # eight hills are higher at their nodes
+    assert np.all(found.predicted > 0.971)
+
+
 def test_where_nothing_runs_there_is_no_optimum() -> None:
     class Nothing:
         def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
