@@ -1,6 +1,8 @@
 """The verb diagnose on files: what it writes, and what it says of files that it cannot use."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -123,3 +125,9 @@ def test_more_rows_than_there_is_memory_for_are_refused(
     (tmp_path / "long.csv").write_text(f"D1,D2,P2_W,P1_W\n{rows}")
     assert _run("diagnose", tmp_path / "long.csv", "--out", tmp_path / "d") == 2
     assert "keep one row of 2" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_diagnosis_of_a_file_loads_no_database() -> None:
+    said = "import sys, bench.commands.diagnose; print('sqlalchemy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

@@ -8,7 +8,7 @@ import pytest
 from sim.effects.catalogue import CATALOGUE
 from sim.fixed_point import operate
 from sim.model import Model
-from sim.neighbours import Response, approach
+from sim.neighbours import Response, approach, settled_alone
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.prototype import prototype
@@ -66,6 +66,23 @@ def test_a_step_of_newtons_rule_is_right_to_first_order(solved: Station, respons
 
 def test_an_unchanged_converter_is_settled_at_the_first_look(solved: Station, response: Response) -> None:
     assert looks(solved, response, prototype()) == [COUNT]
+
+
+def test_points_settle_alone_from_a_state_not_far_off(solved: Station) -> None:
+    known = solved.known
+    astray = replace(solved, warm=replace(known, phase=known.phase + 1e-4))
+    settled, there = settled_alone(astray)
+    assert settled.mean() > 0.9  # the others lie at a bend of their dead times
+    state, missed = there.take(np.flatnonzero(settled)).missed()
+    assert np.all(there.take(np.flatnonzero(settled)).settled(state, missed))
+
+
+def test_what_does_not_settle_alone_stays_as_it_was(solved: Station) -> None:
+    known = solved.known
+    astray = replace(solved, warm=replace(known, phase=np.full(COUNT, 0.49)))
+    settled, there = settled_alone(astray)
+    assert not settled.all()
+    np.testing.assert_array_equal(there.known.phase[~settled], 0.49)
 
 
 def test_a_variant_settles_in_few_looks(solved: Station, response: Response) -> None:

@@ -67,3 +67,12 @@ def test_few_sweeps_close_nearly_every_orbit(solved: tuple) -> None:
     start[0] = lossless_start_A(c, edges + PHASE_SHIFT * start[5])
     _, _, met = settle(c, edges, start, None, effort=Effort(rounds=6))
     assert met.mean() > 0.9  # a wrong Jacobian takes tens
+
+
+def test_an_effort_that_may_leave_points_open_ends_sooner(solved: tuple) -> None:
+    c, edges, state, _ = solved
+    start = np.zeros_like(state)
+    start[5] = state[5]
+    start[0] = lossless_start_A(c, edges + PHASE_SHIFT * start[5])
+    _, _, met = settle(c, edges, start, None, effort=Effort(left_open=COUNT // 2))
+    assert COUNT // 2 <= met.sum() < COUNT

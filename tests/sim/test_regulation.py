@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.prototype import prototype
 from sim.regulation import Regulated, regulate
-from sim.steady_state import Circuit, periodic
+from sim.steady_state import COARSE, Circuit, periodic
 from tests.sim.orbits import PHASE_SHIFT, circuit, edges_at, random_duties
 
 Array = NDArray[np.float64]
@@ -105,6 +105,14 @@ def test_the_peak_of_a_narrow_pulse_is_found_far_below_the_lossless_one() -> Non
     narrow = edges_at(np.array([0.1774]), np.array([0.2926]), np.zeros(1))
     # the lossless ceiling is 558 W, the power at phase 1/2 is 460.6 W, the peak before it 462.1 W
     assert regulate(circuit(1), narrow, np.array([461.9])).reached.all()
+
+
+def test_a_plateau_that_falls_gently_is_not_taken_for_its_far_end() -> None:
+    narrow = edges_at(np.array([11 / 24]), np.array([22 / 24]), np.zeros(1))
+    # 205.3 W at phase 0.27 and 200.62 W at 1/2: what the far end nearly meets is met on the way up
+    result = regulate(circuit(1), narrow, np.array([200.6]), accuracy=COARSE)
+    assert result.reached.all()
+    assert result.phase[0] == pytest.approx(0.236, abs=1e-3)  # 0.1 % of a power that rises by 370 W for a Th
 
 
 def test_a_longer_dead_time_still_finds_light_loads() -> None:
