@@ -13,7 +13,11 @@ and its derivative to D0 replaces g by :math:`g'(x) = 1 - 2|x|`.
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.stacking import own_rows
+
 Array = NDArray[np.float64]
+
+_TINY = 1e-300  # stands for a length or a slope that is none
 
 
 def _wrap(x: Array) -> Array:
@@ -35,12 +39,17 @@ def phase_for_share(share: Array, edges: Array, way: Array | float = 1.0) -> Arr
     """Smallest size in [0, 1/2] of the phase at which the lossless power reaches ``share``; 1/2 where it cannot.
 
     ``edges`` are those of phase 0, shape (4, N); the result has shape (N,). ``way`` is -1 where both phase and power
-    are counted backwards. Bisection on a curve that does not fall on [0, 1/2].
+    are counted backwards. Between the phases at which two edges meet the power is a parabola; it does not fall on
+    [0, 1/2].
     """
-    low, high = np.zeros_like(share), np.full_like(share, 0.5)
-    shift = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
-    for _ in range(45):
-        middle = 0.5 * (low + high)
-        below = way * power_share(edges + shift * (way * middle))[0] < share
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return high
+    apart = way * (edges[2:, None] - edges[None, :2]).reshape(4, -1)
+    meet = np.minimum(np.ceil(apart) - apart, 0.5)
+    phase = np.sort(np.concatenate([np.zeros_like(meet[:1]), meet, np.full_like(meet[:1], 0.5)]), axis=0)
+    moved = np.stack([np.zeros_like(phase)] * 2 + [way * phase] * 2)
+    power, slope = power_share(edges[:, None] + moved)
+    beyond = np.clip(np.sum(way * power < share, axis=0), 1, 5)
+    x, P, rise = own_rows(beyond[None] - 1, phase, way * power, slope)
+    end, last = own_rows(beyond[None], phase, slope)
+    missing, bend = np.maximum(share - P, 0.0), (last - rise) / np.maximum(end - x, _TINY)
+    root = np.sqrt(np.maximum(rise**2 + 2.0 * bend * missing, 0.0))
+    return np.asarray(np.minimum(x + 2.0 * missing / np.maximum(rise + root, _TINY), end)[0])
