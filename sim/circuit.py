@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.bridges import Carrier, Scheme, Transition, primary_scheme, secondary_scheme
-from sim.parameters import Capacitance, Converter, Quantity
+from sim.parameters import Capacitance, Converter, Quantity, Switch
 from sim.soft_switching import leg_curve
 from sim.waveform import Circuit
 
@@ -70,31 +70,35 @@ def path_drop(path: tuple[Carrier, ...], t: Temperatures) -> tuple[Quantity, Qua
     return sum(n * V0 for n, (V0, _) in drops), sum(n * R for n, (_, R) in drops)
 
 
+def ohmic(switch: Switch) -> bool:
+    """Whether a switch that is on is a resistance, whatever flows."""
+    return switch.synchronous and not np.any(switch.on.threshold_V)
+
+
 def loop_drops(converter: Converter, t: Temperatures) -> tuple[Array, Array | None]:
     """Drops of the ac loop in V and Ohm, shape (3, 2, ...): current along a bridge's voltage, against it, zero state.
 
     First by the state of the primary, everything in series that does not depend on states included; then by that of
-    the secondary, referred to the primary, or None where channels conduct both ways and it is included in the first.
+    the secondary, referred to the primary, or None where channels are plain resistances and are included in the first.
     """
     n, primary, secondary = (
         converter.transformer.turns_ratio,
         primary_scheme(converter),
         secondary_scheme(converter),
     )
-    fixed_V: Quantity = 0.0
     fixed_R = converter.link_resistance_Ohm + sum(winding_resistance(converter, t))
     beyond: Array | None = None
-    if converter.secondary.switch.synchronous:
-        V0, R = path_drop(secondary.forward, t)
-        fixed_V, fixed_R = n * V0, fixed_R + n**2 * R
+    if ohmic(converter.secondary.switch):
+        _, R = path_drop(secondary.forward, t)
+        fixed_R = fixed_R + n**2 * R
     else:
         beyond = _stacked([(n * V0, n**2 * R) for V0, R in _state_drops(secondary, t)])
-    return _stacked([(V0 + fixed_V, R + fixed_R) for V0, R in _state_drops(primary, t)]), beyond
+    return _stacked([(V0, R + fixed_R) for V0, R in _state_drops(primary, t)]), beyond
 
 
 def behind_magnetizing(converter: Converter, t: Temperatures) -> Quantity:
-    """Resistance of the secondary's channels, referred to the primary; 0 where it depends on the state."""
-    if not converter.secondary.switch.synchronous:
+    """Resistance of the secondary's channels, referred to the primary; 0 where its drop depends on the state."""
+    if not ohmic(converter.secondary.switch):
         return 0.0
     return converter.transformer.turns_ratio**2 * path_drop(secondary_scheme(converter).forward, t)[1]
 

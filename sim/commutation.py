@@ -6,7 +6,7 @@ of all legs and the drops of what conducts:
 
 .. math::
     \dot q_k = c_k (x_k + \tau \dot x_k), \quad 0 \le q_k \le Q_k, \qquad
-    \dot x_k = A_k + \sum_l P_{kl} u_l(q_l) - D(i, u) - \frac{R}{L} i
+    \dot x_k = A_k + \sum_l P_{kl} u_l(q_l) - D(i, i - i_m, u) - \frac{R}{L} i
 
 x is the link current i where it leaves a leg of the primary, the link current less the magnetizing one where it
 leaves a leg of the secondary; u is a leg's position from -1 to 1, and :math:`c_k x_k > 0` drives it to 1. At q = Q the
@@ -130,7 +130,9 @@ class Meeting:
     """K groups of m legs each whose dead times meet, the first to open first; arrays (m, K) unless told.
 
     ``current_A`` is x when the first opens, ``per_current`` is c, ``outside_A_per_s`` is A, ``coupling_A_per_s``
-    (m, m, K) is P. The link current is the first leg's x and ``magnetizing_A`` (K,); ``damping_per_s`` (K,) is R/L.
+    (m, m, K) is P. The link current is the first leg's x and ``magnetizing_A`` (K,), what is left of it for the
+    secondary is that less ``shunted_A`` (K,); ``damping_per_s`` (K,) is R/L. ``drops`` are of the primary, by the sign
+    of the link current, and of a secondary with a threshold, by the sign of what is left for it.
     ``opens_s`` counts from the first leg's; ``curve`` is where the leg's curve begins. ``eddy_s`` and ``dead_time_s``
     are (K,).
     """
@@ -141,6 +143,7 @@ class Meeting:
     coupling_A_per_s: Array
     drops: tuple[Drops, ...]
     magnetizing_A: Array
+    shunted_A: Array
     damping_per_s: Array
     eddy_s: Array
     charge_C: Array
@@ -161,12 +164,10 @@ class Meeting:
         """dx/dt (m, K) with the legs at positions from -1 to 1, without drops."""
         return np.asarray(self.outside_A_per_s + np.einsum("klK,lK->kK", self.coupling_A_per_s, position))
 
-    def dropped(self, position: Array) -> tuple[Array, Array]:
-        """What drops take of it times the sign of the link current, and whatever that is, (K,)."""
+    def dropped(self, position: Array) -> tuple[list[Array], Array]:
+        """What each bridge's drops take of it times the sign of its current, and all of them whatever that is, (K,)."""
         parts = [drop.at(position) for drop in self.drops]
-        return sum((signed for signed, _ in parts[1:]), parts[0][0]), sum(
-            (p for _, p in parts[1:]), parts[0][1]
-        )
+        return [signed for signed, _ in parts], sum((p for _, p in parts[1:]), parts[0][1])
 
     def per_charge(self) -> Array:
         """Movement along the curve per charge of x: c in intervals of the curve."""

@@ -197,8 +197,7 @@ def _meeting(
     shunted = secondary / Lm
     push = rises * np.where(secondary, -0.5 * nV2, 0.5 * V1)
     link_A, magnetizing_A = moment.link_A.take(first), moment.magnetizing_A.take(first)
-    behind = np.broadcast_to(circuit.behind_Ohm, circuit.V1_V.shape)[points]
-    drops, resistance = _drops(circuit, points, level, secondary, rises, link_A)
+    drops, resistance, behind = _drops(circuit, points, level, secondary, rises, (link_A, magnetizing_A))
     return Meeting(
         current_A=link_A - secondary * magnetizing_A,
         per_current=rises * np.where(secondary, circuit.turns_ratio[points], -1.0),
@@ -206,6 +205,7 @@ def _meeting(
         coupling_A_per_s=push / L + shunted[:, None] * (secondary * push),
         drops=tuple(drops),
         magnetizing_A=secondary[0] * magnetizing_A,
+        shunted_A=magnetizing_A,
         damping_per_s=resistance / L,
         eddy_s=np.broadcast_to(circuit.eddy_s, circuit.V1_V.shape)[points],
         charge_C=circuit.charge_C.take(every),
@@ -216,21 +216,32 @@ def _meeting(
 
 
 def _drops(
-    circuit: Circuit, points: Index, level: Array, secondary: NDArray[np.bool_], rises: Array, link_A: Array
-) -> tuple[list[Drops], Array]:
-    """Thresholds of both bridges' states, and the resistance (K,) before anything moves."""
+    circuit: Circuit,
+    points: Index,
+    level: Array,
+    secondary: NDArray[np.bool_],
+    rises: Array,
+    currents: tuple[Array, Array],
+) -> tuple[list[Drops], Array, Array]:
+    """Thresholds of both bridges' states, all resistance and the secondary's (K,) before anything moves.
+
+    ``currents`` are the link current and the magnetizing one.
+    """  # fmt: skip
     bridges = [(~secondary, level[:2], 1.0, (circuit.forward, circuit.reverse, circuit.zero))]
     if circuit.secondary is not None:
         bridges.append((secondary, level[2:], -1.0, tuple(circuit.secondary)))
-    drops, resistance, L = [], np.zeros_like(link_A), circuit.inductance_H[points]
-    for own, stand, sign, states in bridges:
+    link_A, magnetizing_A = currents
+    drops, resistances, L = [], [], circuit.inductance_H[points]
+    for (own, stand, sign, states), i in zip(bridges, (link_A, link_A - magnetizing_A), strict=False):
         per_leg, standing = 0.5 * sign * own * rises, 0.5 * sign * (stand[0] + stand[1])
         forward, reverse, zero = (x.take(points, axis=1) for x in states)
         drops.append(Drops.of(standing, per_leg, forward[0] / L, reverse[0] / L, zero[0] / L))
         before = standing - np.sum(per_leg, axis=0)
-        live = np.where(before * link_A > 0, forward[1], reverse[1])
-        resistance = resistance + zero[1] + np.abs(before) * (live - zero[1])
-    return drops, resistance
+        live = np.where(before * i > 0, forward[1], reverse[1])
+        resistances.append(zero[1] + np.abs(before) * (live - zero[1]))
+    if circuit.secondary is None:
+        return drops, resistances[0], np.broadcast_to(circuit.behind_Ohm, circuit.V1_V.shape)[points]
+    return drops, resistances[0] + resistances[1], resistances[1]
 
 
 def _solved(

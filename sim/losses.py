@@ -5,7 +5,7 @@ Conduction is an integral over the waveform and closes its energy balance togeth
 time) is added at its node. Every function takes arrays over N operating points and returns the same, in W.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,16 +29,24 @@ class PathIntegrals:
     square_A2: Array
 
 
-def path_integrals(
-    pieces: Pieces, square: Array, voltage_V: Array, link_V: Array
-) -> tuple[PathIntegrals, PathIntegrals, PathIntegrals]:
-    """The active state of a bridge with the current along its voltage (10, N), against it, and the zero state.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Through:
+    """What a bridge carries in each piece, (K, N): integrals of its current and of its square, its sign."""
 
-    ``square`` (10, N) are the integrals of the squared current that its resistances carry.
-    """
-    half_period = pieces.half_period_s
-    charge, live = pieces.charge(), np.abs(voltage_V) > 0.5 * link_V
-    positive = 0.5 + 0.5 * pieces.sign  # a share where the sign is a mean
+    charge: Array
+    square: Array
+    sign: Array
+
+
+def _path_integrals(
+    pieces: Pieces, through: _Through, voltage_V: Array, link_V: Array
+) -> tuple[PathIntegrals, PathIntegrals, PathIntegrals]:
+    """The active state of a bridge with the current along its voltage (K, N), against it, and the zero state."""
+    half_period, charge, square = pieces.half_period_s, through.charge, through.square
+    live, positive = (
+        np.abs(voltage_V) > 0.5 * link_V,
+        0.5 + 0.5 * through.sign,
+    )  # a share where the sign is a mean
     along = np.where(live, np.where(voltage_V > 0, positive, 1.0 - positive), 0.0)
     against = np.where(live, 1.0 - along, 0.0)
     signed = np.where(voltage_V > 0, charge, -charge)
@@ -51,7 +59,7 @@ def path_integrals(
     return (
         mean(along * signed, along * square),
         mean(-against * signed, against * square),
-        mean(np.where(live, 0.0, pieces.sign * charge), np.where(live, 0.0, square)),
+        mean(np.where(live, 0.0, through.sign * charge), np.where(live, 0.0, square)),
     )
 
 
@@ -59,11 +67,14 @@ def conduction_losses(converter: Converter, t: Temperatures, pieces: Pieces, V1_
     """Conduction of both bridges by kind of device."""
     n = converter.transformer.turns_ratio
     nV2_V = np.max(np.abs(pieces.nvs_V), axis=0)
-    square = pieces.square()
-    primary = path_integrals(pieces, square, pieces.vp_V, V1_V)
-    behind = pieces.secondary_square() if converter.secondary.switch.synchronous else square
+    before = _Through(charge=pieces.charge(), square=pieces.square(), sign=pieces.sign)
+    behind = replace(before, square=pieces.secondary_square())
+    if pieces.secondary_sign is not None:
+        left = pieces.charge() - pieces.magnetizing_charge()
+        behind = replace(behind, charge=left, sign=pieces.secondary_sign)
+    primary = _path_integrals(pieces, before, pieces.vp_V, V1_V)
     # the secondary's voltage drives the current the other way round
-    secondary = path_integrals(pieces, behind, -pieces.nvs_V, nV2_V)
+    secondary = _path_integrals(pieces, behind, -pieces.nvs_V, nV2_V)
     return _conduction(primary_scheme(converter), t, primary, 1.0) | _conduction(
         secondary_scheme(converter), t, secondary, n
     )

@@ -73,7 +73,11 @@ class _Response:
         ends = pieces.slope_at(pieces.end_A, length)[:-1]
         scaled = np.ones_like(slope)
         used = (length[1:] > 0) & (np.arange(1, 5 * each) % each != 0)[:, None]
-        scaled[1:] = np.where(used, slope[1:] / np.where(used & (ends != 0), ends, 1.0), 1.0)
+        before, behind = ends, slope[1:]
+        if pieces.secondary_sign is not None:  # the magnetizing current that is met moves
+            met = np.asarray(pieces.meets_A_per_s)[1:]
+            before, behind = before - met, behind - met
+        scaled[1:] = np.where(used, behind / np.where(used & (before != 0), before, 1.0), 1.0)
         passed = np.cumprod(scaled.reshape(5, each, -1), axis=1)
         kept = np.exp(-np.sum((decay * length).reshape(5, each, -1), axis=1)) * passed[:, -1]
         share = steps.nvs_V * (steps.duration_s / Th) * np.sqrt(np.abs(kept))

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from sim.commutation import Commutation
 from sim.dead_times import EdgeView, commutations
+from sim.march import march
 from sim.pieces import Pieces
 from sim.stacking import put
-from sim.waveform import Circuit, Steps, march
+from sim.waveform import Circuit, Steps
 
 Array = NDArray[np.float64]
 

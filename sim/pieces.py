@@ -33,7 +33,9 @@ class Pieces:
     ``drive_A_per_s``, a = ``decay_per_s``, and the ``share`` rho of the magnetizing current, which starts from
     ``magnetizing_A`` and rises by ``magnetizing_A_per_s``; y is the rest of ``current_A`` at the start. ``sign`` is
     that of the current. Integrals are of what leaves the terminals, the current and ``eddy_s`` times its slope;
-    ``relative_L`` scales both inductance and ``eddy_s``. What was asked once is kept: arrays stay as they are.
+    ``relative_L`` scales both inductance and ``eddy_s``. ``behind_V`` and ``behind_Ohm`` is what the secondary drops,
+    by the sign ``secondary_sign`` of the current less the magnetizing one where it has a threshold; ``meets_A_per_s``
+    is how fast the limit moves whose crossing began a piece. What was asked once is kept: arrays stay as they are.
     """
 
     start_s: Array
@@ -50,6 +52,9 @@ class Pieces:
     magnetizing_A: Array
     magnetizing_A_per_s: Array
     behind_Ohm: Array | float
+    behind_V: Array | float = 0.0
+    secondary_sign: Array | None = None
+    meets_A_per_s: Array | float = 0.0
 
     def current_at(self, time_s: Array) -> Array:
         """Link current in A at times of the half period [0, Th], shape (..., N)."""
@@ -152,6 +157,10 @@ class Pieces:
         rise = self.end_A**2 - self.current_A**2
         return plain + shared + self._eddy_s * (rise + self._eddy_s * self.squared_slope())
 
+    def magnetizing_charge(self) -> Array:
+        """Integral of the magnetizing current over each piece, in A s."""
+        return np.asarray(self.duration_s * (self.magnetizing_A + 0.5 * self._magnetized_A))
+
     @_once
     def magnetizing_square(self) -> Array:
         """Integral of the squared magnetizing current over each piece, in A^2 s."""
@@ -176,11 +185,13 @@ class Pieces:
     def bridge_energy(self) -> Array:
         r"""Energy into the ideal secondary bridge over each piece, in J.
 
-        With d the change of the magnetizing current that the drop of R' makes, :math:`L_m \dot d = R' (i - i_m)`, the
-        bridge takes n vs (i - d), and of a period :math:`-\langle n v_s d \rangle = R' \langle (i - i_m) i_m \rangle`
-        by parts of n vs = Lm di_m/dt.
+        With d the change of the magnetizing current that the drop u = V' + R' (i - i_m) makes, :math:`L_m \dot d = u`,
+        the bridge takes n vs (i - d), and of a period :math:`-\langle n v_s d \rangle = \langle u i_m \rangle` by parts
+        of n vs = Lm di_m/dt.
         """
         shunted = self.behind_Ohm * (self.both() - self.magnetizing_square())
+        if self.secondary_sign is not None:
+            shunted = shunted + self.behind_V * self.magnetizing_charge()
         return self.nvs_V * self.charge() + shunted
 
     @_once

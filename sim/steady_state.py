@@ -1,6 +1,6 @@
 """The exact periodic steady state of the ac link.
 
-Half-wave symmetry i(Th) = -i(0) closes an orbit (:mod:`sim.waveform`); each of its four edges is delayed by what its
+Half-wave symmetry i(Th) = -i(0) closes an orbit (:mod:`sim.march`); each of its four edges is delayed by what its
 dead time makes of the current there (:mod:`sim.dead_times`). Newton's rule finds it (:mod:`sim.newton`); orbits that
 still do not close are left to Anderson acceleration, points whose power is not met to the bracketed search in
 :mod:`sim.regulation`.

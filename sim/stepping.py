@@ -4,11 +4,12 @@ Between the legs' positions l (from -1 to 1), the link current i, the magnetizin
 
 .. math::
     L \, \dot\imath &= \tfrac12 V_1 (l_1 + l_2) - \tfrac12 n v_2 (l_3 + l_4)
-        - \operatorname{sign}(i) V_0 - R (i + \tau \dot\imath) + R' i_m \\
-    L_m \, \dot\imath_m &= \tfrac12 n v_2 (l_3 + l_4) + R' (i + \tau \dot\imath - i_m)
+        - \operatorname{sign}(i) V_0 - R (i + \tau \dot\imath) - u \\
+    L_m \, \dot\imath_m &= \tfrac12 n v_2 (l_3 + l_4) + u, \qquad
+    u = \operatorname{sign}(i - i_m) V_0' + R' (i + \tau \dot\imath - i_m)
 
 A resistor L/tau beside the inductance carries tau di/dt (eddy currents in the windings); what leaves the bridges'
-terminals is i + tau di/dt. R' is what of R lies behind the magnetizing inductance.
+terminals is i + tau di/dt. u is what the secondary drops, behind the magnetizing inductance.
 
 When a leg flips, both its switches open; in the dead time the current that leaves it moves its charge,
 :math:`0 \le q \le Q`, and its position follows the charge along the curve of its capacitances. At the end of the
@@ -201,16 +202,18 @@ class Stepper:
         vp = 0.5 * c.V1_V * (level[0] + level[1])
         secondary = 0.5 * (level[2] + level[3])
         nvs = c.turns_ratio * state.output_V * secondary
-        V0, R = self._drops(vp, nvs, i)
-        share = self._inductance_share(i)
-        shunted_V = c.behind_Ohm * state.magnetizing_A
-        link = (vp - nvs - np.sign(i) * V0 - R * i + shunted_V) / (share * (c.inductance_H + R * c.eddy_s))
+        secondary_A = i - state.magnetizing_A
+        V0, R = _chosen(vp, 0.5 * c.V1_V, i, np.stack([c.forward, c.reverse, c.zero]))
+        behind_V, behind_Ohm, before_Ohm = self._behind(nvs, secondary_A, R)
+        dropped_V = np.sign(i) * V0 + before_Ohm * i + behind_V + behind_Ohm * secondary_A
+        share, all_Ohm = self._inductance_share(i), before_Ohm + behind_Ohm
+        link = (vp - nvs - dropped_V) / (share * (c.inductance_H + all_Ohm * c.eddy_s))
         current = i + share * c.eddy_s * link
         into = c.turns_ratio * (current - state.magnetizing_A)
         leaves = state.side * np.stack([-current, -current, into, into])
         return _Rates(
             link=link,
-            magnetizing=(nvs + c.behind_Ohm * (current - state.magnetizing_A)) / c.magnetizing_H,
+            magnetizing=(nvs + behind_V + behind_Ohm * (current - state.magnetizing_A)) / c.magnetizing_H,
             charge=np.where(open_, leaves, 0.0),
             output=self.output.slope(into * secondary, state.output_V),
             vp_V=vp,
@@ -235,14 +238,13 @@ class Stepper:
         low = c.curves[legs, c.curve, below]
         return np.asarray(low + (c.curves[legs, c.curve, below + 1] - low) * (place - below))
 
-    def _drops(self, vp: Array, nvs: Array, i: Array) -> tuple[Array, Array]:
-        """Threshold and resistance of what conducts."""
+    def _behind(self, nvs: Array, i: Array, R: Array) -> tuple[Array | float, Array | float, Array]:
+        """The secondary's threshold with its sign, its resistance, and what of the resistances is before it."""
         c = self.circuit
-        V0, R = _chosen(vp, 0.5 * c.V1_V, i, np.stack([c.forward, c.reverse, c.zero]))
         if c.secondary is None:
-            return V0, R
-        V0_2, R_2 = _chosen(nvs, 0.5 * c.nV2_V, -i, c.secondary)
-        return V0 + V0_2, R + R_2
+            return 0.0, c.behind_Ohm, R - c.behind_Ohm
+        V0, behind_Ohm = _chosen(nvs, 0.5 * c.nV2_V, -i, c.secondary)
+        return np.sign(i) * V0, behind_Ohm, R
 
 
 def _chosen(v: Array, least_V: Array, i: Array, drops: Array) -> tuple[Array, Array]:

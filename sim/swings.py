@@ -66,8 +66,8 @@ class _Alone:
     """K legs that meet no other, half way through their dead times, arrays (K,).
 
     ``q`` is the charge in intervals of the curve, ``u`` the position from -1 to 1; ``d`` are derivatives to the current
-    at the edge. The slope of x is ``base + own u - way (signed + bent u) - damping i``. What follows ``per_charge`` is
-    of the :class:`Meeting`.
+    at the edge. The slope of x is ``base + own u - way (signed + bent u) - damping i``; a secondary with a
+    threshold takes the same with ``behind`` (2, K). What follows ``per_charge`` is of the :class:`Meeting`.
     """
 
     x: Array
@@ -94,6 +94,8 @@ class _Alone:
     charge_C: Array
     curve: Index
     dead_time_s: Array
+    shunted_A: Array
+    behind: Array | None
     sloped: bool
 
     looks = _LOOKS
@@ -102,14 +104,17 @@ class _Alone:
     def of(cls, meeting: Meeting, *, sloped: bool) -> "_Alone":
         x = meeting.current_A[0]
         rails = [[drop.at(np.full((1, x.size), rail)) for drop in meeting.drops] for rail in (-1.0, 1.0)]
-        signed, plain = ([np.asarray(sum(each[part] for each in rail)) for rail in rails] for part in (0, 1))
+        plain = [np.asarray(sum(each[1] for each in rail)) for rail in rails]
+        own, *behind = (
+            (0.5 * (new[0] + old[0]), 0.5 * (new[0] - old[0])) for old, new in zip(*rails, strict=True)
+        )
         zero = np.zeros_like(x)
         return cls(
             x=x, dx=zero + 1.0, q=zero, dq=zero, u=zero - 1.0, du=zero, reached=zero, reached_per_A=zero,
             opposite=zero, over=zero, integral=zero,
             base=meeting.outside_A_per_s[0] - 0.5 * (plain[1] + plain[0]),
             own=meeting.coupling_A_per_s[0, 0] - 0.5 * (plain[1] - plain[0]),
-            signed=0.5 * (signed[1] + signed[0]), bent=0.5 * (signed[1] - signed[0]),
+            signed=own[0], bent=own[1], behind=np.stack(behind[0]) if behind else None, shunted_A=meeting.shunted_A,
             per_charge=meeting.per_charge()[0], current_A=x, per_current=meeting.per_current[0],
             magnetizing_A=meeting.magnetizing_A, damping_per_s=meeting.damping_per_s, eddy_s=meeting.eddy_s,
             charge_C=meeting.charge_C[0], curve=meeting.curve[0], dead_time_s=meeting.dead_time_s, sloped=sloped,
@@ -117,14 +122,18 @@ class _Alone:
 
     def take(self, chosen: Index) -> "_Alone":
         """Some of the legs."""
-        own = {name: value.take(chosen) for name, value in vars(self).items() if name != "sloped"}
-        return _Alone(sloped=self.sloped, **own)
+        own = {name: v.take(chosen) for name, v in vars(self).items() if name not in ("sloped", "behind")}
+        behind = None if self.behind is None else self.behind.take(chosen, axis=1)
+        return _Alone(sloped=self.sloped, behind=behind, **own)
 
     def slope(self, h: Array) -> tuple[Array, Array]:
         """dx/dt now, and what drops take of it on average through a time."""
         i, slope = self.x + self.magnetizing_A, self.base + self.own * self.u
         signed = self.signed + self.bent * self.u
         taken = signed * mean_sign(i, h * slope, h * signed) + self.damping_per_s * i
+        if self.behind is not None:
+            held = self.behind[0] + self.behind[1] * self.u
+            taken = taken + held * mean_sign(i - self.shunted_A, h * slope, h * held)
         return slope - taken, taken
 
     @property
@@ -289,8 +298,11 @@ class _Together:
         """What drops take, on average through a time, of the slope to which voltages drive the link current."""
         meeting, i = self.meeting, self.x[0] + self.meeting.magnetizing_A
         signed, plain = meeting.dropped(position)
-        way = mean_sign(i, h * (driven - plain), h * signed)
-        return np.asarray(plain + meeting.damping_per_s * i + signed * way)
+        change = h * (driven - plain)
+        taken = plain + meeting.damping_per_s * i + signed[0] * mean_sign(i, change, h * signed[0])
+        for held in signed[1:]:
+            taken = taken + held * mean_sign(i - meeting.shunted_A, change, h * held)
+        return np.asarray(taken)
 
     def step(self, curves: Curves, k: int) -> None:
         """One step; in it no leg opens or closes."""

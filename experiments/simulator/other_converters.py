@@ -113,8 +113,8 @@ def other_converters(settings: Settings) -> Findings:
     if installed():
         tables.append(_circuit_table(drawn, settings.thinned(CIRCUITS)))
         notes.append(
-            "random converters against ngspice: it has the diodes of the dead times, and thresholds of the secondary "
-            "follow the link current less the magnetizing one, where here they follow the link current"
+            "random converters against ngspice: it has the diodes of the dead times, whose drop beyond that of the "
+            "channels beside them is a loss here, not a voltage"
         )
     else:
         notes.append("random converters against ngspice: not run, there is no ngspice on the PATH")

@@ -23,7 +23,7 @@ def legs(current_A: Array, opens_s: Array, drive: float, coupling: Array, thresh
     return Meeting(
         current_A=current_A, per_current=np.ones(size), outside_A_per_s=np.full(size, drive),
         coupling_A_per_s=np.broadcast_to(coupling[..., None], (*coupling.shape, size[1])), drops=(drops,),
-        magnetizing_A=none, damping_per_s=none, eddy_s=none, charge_C=np.full(size, CHARGE_C),
+        magnetizing_A=none, shunted_A=none, damping_per_s=none, eddy_s=none, charge_C=np.full(size, CHARGE_C),
         curve=np.zeros(size, dtype=np.intp), opens_s=np.broadcast_to(opens_s[:, None], size),
         dead_time_s=none + DEAD_S,
     )  # fmt: skip
