@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.observations import CHANNELS, Channel, Observations
+from models.diagnosis.observations import Channel, Observations
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import Result, can_run, reference, simulate_many
@@ -112,17 +112,15 @@ class Options:
 def bench_options(
     observations: Observations,
     models: Sequence[Model],
+    channels: Sequence[Channel],
     allowed: Allowed = ANYTHING,
     again: Again | None = None,
     like: Model | None = None,
-    scatter: Array | float = 1.0,
 ) -> Options:
     """Everything that is allowed, in one look at it by every model.
 
     It is what was measured ``again`` where that is given, and all start from one ``like`` them where it is not.
-    Readings of the channels scatter by so many times what is usual.
     """
-    channels = CHANNELS
     if again is None:
         points = _points(observations, models, allowed)
         near = reference(like or models[0], points)
@@ -133,7 +131,7 @@ def bench_options(
         return Options(
             what=tuple(what),
             readings=_readings(simulate_many(models, points, near), channels),
-            sigma=scatter * usual_sigma(channels, np.asarray(points.power_W)),
+            sigma=usual_sigma(channels, np.asarray(points.power_W)),
             points=points,
             near=near,
         )
@@ -159,7 +157,7 @@ def bench_options(
     what.append(Option(action=four_wires, minutes=_REBUILD_MIN, by_hand=True))
     ohms = np.full((len(models), 1, len(channels)), np.nan)
     ohms[:, 0, 0] = [_link_Ohm(m) for m in models]
-    sigma = scatter * usual_sigma(channels, np.asarray(where.power_W))
+    sigma = usual_sigma(channels, np.asarray(where.power_W))
     return Options(
         what=tuple(what),
         readings=np.concatenate([*seen, ohms], axis=1),
@@ -246,17 +244,6 @@ def _link_Ohm(model: Model) -> float:
     return float(
         c.link_resistance_Ohm + c.inductor.winding.resistance_Ohm + c.transformer.winding.resistance_Ohm
     )
-
-
-def scatter_of(observations: Observations, noise: Array) -> Array:
-    """How many times its usual noise each channel's readings have by ``noise`` (M,), (channels,); 1 if not measured."""
-    power_W, found = np.asarray(observations.points.power_W), np.ones(len(CHANNELS))
-    for k, c in enumerate(CHANNELS):
-        readings = np.flatnonzero(observations.of(c.name))
-        if readings.size:
-            usual = usual_sigma([c], power_W[observations.row[readings]])[:, 0]
-            found[k] = np.median(noise[readings] / usual)
-    return found
 
 
 def usual_sigma(channels: Sequence[Channel], power_W: Array) -> Array:

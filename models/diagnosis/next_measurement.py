@@ -29,7 +29,6 @@ from models.diagnosis.bench_options import (
     Options,
     SetPoint,
     bench_options,
-    scatter_of,
 )
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
@@ -140,18 +139,15 @@ def next_measurements(
     """The allowed steps to take, in their order, until the rivals are apart; none where one explanation is left.
 
     First what is best per minute. Where some of it is done by hand, behind it what set points alone can tell; where
-    they leave a pair tied, the channel that is missing. The ``refinery`` knows what the measurements leave open
-    and how far they scatter; without one every rival is taken at its word.
+    they leave a pair tied, the channel that is missing. The ``refinery`` knows what the measurements leave open;
+    without one every rival is taken at its word.
     """
     if len(rivals) < 2:
         return []
-    models = [r.model for r in rivals]
-    if refinery is None:
-        options = bench_options(observations, models, allowed)
-    else:
-        again = _again(refinery, rivals) if allowed.set_points is None else None
-        scatter = scatter_of(observations, refinery.noise)
-        options = bench_options(observations, models, allowed, again, refinery.baseline, scatter)
+    again, like = None, None if refinery is None else refinery.baseline
+    if refinery is not None and allowed.set_points is None:
+        again = _again(refinery, rivals)
+    options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed, again, like)
     everything = _Race.of(options, rivals, refinery)
     present = [k for k, c in enumerate(CHANNELS) if c in observations.channels]
     steps, reached = everything.among(range(len(options.what)), present).steps(most, allowed)

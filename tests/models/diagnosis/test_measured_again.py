@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from models.dataset import load_measurements
-from models.diagnosis.bench_options import ANYTHING, Allowed, scatter_of
+from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.measured_again import telling_rows
 from models.diagnosis.next_measurement import Rival, next_measurements, worth_doing
-from models.diagnosis.observations import CHANNELS
 from tests.models.diagnosis.virtual_campaign import lab_campaign
 
 
@@ -62,14 +61,3 @@ def test_what_is_behind_the_last_large_step_is_left_out() -> None:
     gains = [np.array([gain]) for gain in (0.1, 0.3, 0.1)]
     assert worth_doing(gains, [0, 0, 0], ANYTHING) == 2
     assert worth_doing(gains, [0, 0, 0], Allowed(least_sigma=0.6)) == 0
-
-
-def test_a_proposed_reading_scatters_as_those_of_the_campaign(found: Diagnosis) -> None:
-    times = scatter_of(found.observations, found.refinery.noise)
-    places = {c.name: k for k, c in enumerate(CHANNELS)}
-    assert (
-        0.1 < times[places["efficiency"]] < 0.7
-    )  # the lab's analyzer is three times better than the usual one
-    of_efficiency = found.observations.of("efficiency")
-    fewer = found.observations.take(~of_efficiency)
-    assert scatter_of(fewer, found.refinery.noise[~of_efficiency])[places["efficiency"]] == 1.0
