@@ -8,8 +8,9 @@ its formula has another exponent, another dependence on temperature or time. g i
 
 :math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
 columns, it widens the covariance of every hypothesis that holds the cause: what a large one leaves then calls for no
-second one. g has no level: that is in the value, whose interval is at least what the law is worth. A reading near a
-threshold may lie on either side of it.
+second one. g has no level: that is in the value, whose interval is at least what the law is worth. Some errors look
+like another effect: harmonics that lose less than the formula says, like plain resistance. The way from the one effect
+to the other is then one of g's shapes. A reading near a threshold may lie on either side of it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -63,11 +64,19 @@ def law_columns(
     """
     maps = law_maps(observations)
     for s in signatures:
-        columns = s.entry.law * maps * s.slope
+        columns = s.entry.law * np.concatenate([maps * s.slope, _like_another(s, signatures, observations)])
         if s.entry.threshold:
             variants = [v for v in signatures if v.effect == s.effect]
             columns = np.concatenate([columns, _undecided(s, variants, observations, state)])
         yield s, columns
+
+
+def _like_another(signature: Signature, known: Iterable[Signature], observations: Observations) -> Array:
+    """The effect that an error of the law looks like, as much of it as lost at the input, less its own, (0 or 1, M)."""
+    at = observations.of("efficiency")
+    akin = [s.slope for s in known if s.effect == signature.entry.akin and np.any(s.slope[at])]
+    as_much = [(signature.slope[at] @ other[at]) / (other[at] @ other[at]) * other for other in akin]
+    return np.asarray(as_much).reshape(-1, signature.slope.size) - signature.slope
 
 
 def _undecided(

@@ -56,7 +56,8 @@ class EffectParameter:
 class Effect:
     """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench.
 
-    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does.
+    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. ``akin`` is
+    the effect that such an error looks like, where one does.
     ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each.
     """
 
@@ -67,6 +68,7 @@ class Effect:
     check_on_bench: str
     threshold: bool = False
     law: float = 0.02
+    akin: str | None = None
     together: bool = False
 
     @property

@@ -95,3 +95,13 @@ def test_a_reading_near_a_threshold_is_free_to_lie_on_either_side() -> None:
     np.testing.assert_array_equal(free, [4, 5, 6])  # 39 to 41 degC: the threshold is good to 1.5 K
     assert not np.any(of_low == 1.0)
     assert Laws.none().directions(step, 1.0) is None
+
+
+def test_an_error_of_the_skin_effects_law_may_look_like_plain_resistance() -> None:
+    skin, observations = Signature(effect="skin_effect", slope=GROWING * np.cos(POWER_W) ** 2), loads(POWER_W)
+    ((_, alone),) = law_columns([skin], observations, {})
+    (_, (*others, like)), _ = law_columns([skin, LINK], observations, {})
+    np.testing.assert_array_equal(others, alone)
+    as_much = like / skin.entry.law + skin.slope  # of plain resistance
+    assert np.ptp(as_much / GROWING) < 1e-9  # rounding
+    assert abs(like @ GROWING) < 1e-9 * (GROWING @ GROWING)  # it loses no more in all
