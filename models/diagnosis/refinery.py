@@ -24,6 +24,10 @@ _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not 
 _LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
 _BEHIND_ALONE = 300.0  # of nothing
 _STILL = 0.2  # of the value's standard deviation
+_WORTH_HALVING = (
+    0.5  # the same, of half a step that lost next to no evidence: what lies between gains an eighth
+)
+_LITTLE = 0.3  # in log evidence
 _GAINED = 0.1  # in log evidence: what a step of the spreads alone has to bring
 _REACH = 0.7  # prior scales that one step may go
 _WITHIN = 3.0  # sigmas that a spread may take
@@ -207,7 +211,9 @@ class Refinery:
                     going += self._onward([fit], leader) if fit.terms or gained > _GAINED else []
                 else:
                     halved = 0.5 * (np.array([t.value for t in fit.terms]) - [t.value for t in known.terms])
-                    if np.any(np.abs(halved) > _STILL * there.sigma):
+                    little = known.log_evidence - fit.log_evidence < _LITTLE
+                    least = _WORTH_HALVING if little else _STILL
+                    if np.any(np.abs(halved) > least * there.sigma):
                         going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
             leader = max([leader, *(f.log_evidence for f in best.values())])
             behind = _BEHIND if turn < _LATE else _BEHIND_LATE
