@@ -23,6 +23,7 @@ _TRIES = 9  # rounds of it
 _ROUND = 4  # every so many steps Newton's rule is tried inside the bracket
 _FEW = 50  # points that are looked for at many phases at once: it costs no more than two steps
 _AROUND = np.linspace(1.0, 0.0, 14)[1:-1] ** 2
+_STARTS = (0.2, 0.4, 0.6, 0.8)  # of a bracket
 _BISECT = 6  # every so many steps the bracket is halved, in case the secant creeps
 _SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: two scans narrow the phase to 2e-3, the power to 1e-5
 _SCANS = 2
@@ -140,20 +141,27 @@ class Bracketed:
         return phase_for_share(share * most, edges, self.way)
 
     def _settle(self, search: "_Search") -> None:
-        """Newton's rule inside the brackets."""
+        """Newton's rule inside the brackets; of few points from several phases, of whose ends the lowest is taken."""
         busy = search.busy()
         if not busy.size:
             return
-        way = self.way[busy]
-        circuit, _, state = self._guess(search.phase[busy], busy)
-        state[5] = way * search.phase[busy]
-        ends = np.sort(np.stack([way * search.low[busy], way * search.high[busy]]), axis=0)
-        demand = Demand(power_W=way * search.goal_W[busy], lowest=ends[0], highest=ends[1])
-        edges, effort = self.edges.take(busy, axis=1), Effort(rounds=_TRIES, left_open=busy.size // 10)
+        low, high = search.low[busy], search.high[busy]
+        starts = [search.phase[busy], *(low + share * (high - low) for share in _STARTS if busy.size <= _FEW)]
+        rows, phase = np.tile(busy, len(starts)), np.concatenate(starts)
+        way = self.way[rows]
+        circuit, _, state = self._guess(phase, rows)
+        state[5] = way * phase
+        ends = np.sort(np.stack([way * search.low[rows], way * search.high[rows]]), axis=0)
+        demand = Demand(power_W=way * search.goal_W[rows], lowest=ends[0], highest=ends[1])
+        edges, effort = self.edges.take(rows, axis=1), Effort(rounds=_TRIES, left_open=rows.size // 10)
         state, _, met = settle(circuit, edges, state, demand, accuracy=self.accuracy, effort=effort)
-        search.phase[busy[met]] = way[met] * state[5, met]
-        search.reached[busy[met]] = True
-        self._keep(busy[met], self.edges[:, busy[met]] + SHIFT * state[5, met], state[:, met])
+        ended = np.where(met, way * state[5], np.inf).reshape(len(starts), -1)
+        best, column = np.argmin(ended, axis=0), np.arange(busy.size)
+        found = np.flatnonzero(np.isfinite(ended[best, column]))
+        there, state = busy[found], state[:, best[found] * busy.size + found]
+        search.phase[there] = self.way[there] * state[5]
+        search.reached[there] = True
+        self._keep(there, self.edges[:, there] + SHIFT * state[5], state)
 
     def _look_around(self, search: "_Search") -> None:
         """Narrow the brackets by many phases at once, the closer the nearer to the upper end."""
