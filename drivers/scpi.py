@@ -104,9 +104,10 @@ def parse_setting(text: str) -> float:
 
 def parse_register(text: str) -> int:
     """A status register of 16 bits."""
-    if not re.fullmatch(r"\d{1,5}", text.strip()) or int(text) > 0xFFFF:
+    word = text.strip()
+    if not re.fullmatch(r"[0-9]{1,5}", word) or int(word) > 0xFFFF:
         raise ReplyError(f"{text!r} is not a register of 16 bits", reply=text)
-    return int(text)
+    return int(word)
 
 
 def parse_floats(block: bytes) -> list[Number]:
