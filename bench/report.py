@@ -116,7 +116,12 @@ def actions(data: ReportData) -> list[str]:
     return [*off, *diagnosis_actions(data.diagnosis)]
 
 
-def question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
+def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
+    """What to make sure of before any cause is checked."""
+    return [asked for asked in (_question_of_the_model(diagnosis), _question_of_rows(diagnosis)) if asked]
+
+
+def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     """What to ask first where nothing known explains the gap, or only a cause as large as is searched; else empty.
 
     A model file of another converter, or a column in another unit, does either.
@@ -136,7 +141,7 @@ def question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     )
 
 
-def question_of_rows(diagnosis: Mapping[str, Any]) -> str:
+def _question_of_rows(diagnosis: Mapping[str, Any]) -> str:
     """What to ask where some rows stand out that are no outliers; else empty."""
     rows = _alike(diagnosis)
     if not rows:
@@ -162,7 +167,7 @@ def _at_an_end(name: str, value: float) -> bool:
 
 def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What a diagnosis asks for, the most urgent first."""
-    todo = [asked for asked in (question_of_the_model(diagnosis), question_of_rows(diagnosis)) if asked]
+    todo = first_questions(diagnosis)
     todo += [
         f"Check {effect_name(cause['effect'])}: {check}."
         for cause in probable_causes(diagnosis, ASKED_AFTER)

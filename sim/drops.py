@@ -18,6 +18,7 @@ from sim.waveform import Circuit
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Law = tuple[Array, Array]  # threshold in V and resistance in Ohm
+DropsOf = Callable[[Circuit, Index, float], Law]  # of some of the points, for a sign of their current
 
 _INSTANT_S = 1e-30
 _TINY_V = 1e-30
@@ -48,6 +49,14 @@ class Stretch:
 
     left_s: Array
     whole: tuple[Array, Array] | None = None
+
+    def turning(
+        self, circuit: Circuit, current_A: Array, driven_V: Array, law: "DropsOf"
+    ) -> "_Turning | None":
+        """Points whose current may change its sign in a stretch that begins now; None where all stretches are long."""
+        if self.whole is None or not np.any(self.whole[0] < circuit.dead_time_s):
+            return None
+        return _Turning.of(circuit, current_A, driven_V, law, self.whole)
 
 
 def primary_law(circuit: Circuit, vp_V: Array, sign: Array) -> Law:
@@ -90,7 +99,7 @@ class _Turning:
         circuit: Circuit,
         current_A: Array,
         driven_V: Array,
-        law: Callable[[Circuit, Index, float], Law],
+        law: DropsOf,
         whole: tuple[Array, Array],
     ) -> Self:
         """From a current and the voltage that drives it, with the length of its stretch and the time since it began.
@@ -117,6 +126,12 @@ class _Turning:
         mean, V0, R = (values[turns] for values in all_)
         return cls(rows=rows[turns], sign=mean, V0=V0, R=R)
 
+    def put(self, drops: Law, sign: Array, rests: NDArray[np.bool_], lasts: NDArray[np.bool_]) -> None:
+        """Write what these points drop, by what sign, that they do not rest and that it lasts, to arrays of all."""
+        V0, R = drops
+        V0[self.rows], R[self.rows], sign[self.rows] = self.V0, self.R, self.sign
+        rests[self.rows], lasts[self.rows] = False, True
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Behind:
@@ -140,21 +155,13 @@ class _Behind:
         sign = np.where(rests, 0.0, np.sign(x))
         V0, R = secondary_law(circuit, moment.nvs_V, sign)
         V0, lasts = sign * V0, np.zeros(x.shape, dtype=bool)
-        if stretch.whole is not None and np.any(stretch.whole[0] < circuit.dead_time_s):
 
-            def law(part: Circuit, rows: Index, way: float) -> Law:
-                return secondary_law(part, moment.nvs_V[rows], np.full(rows.size, way))
+        def law(part: Circuit, rows: Index, way: float) -> Law:
+            return secondary_law(part, moment.nvs_V[rows], np.full(rows.size, way))
 
-            driven_V = moment.vp_V - moment.nvs_V - circuit.inductance_H * moment.magnetizing_A_per_s
-            turning = _Turning.of(circuit, x, driven_V, law, stretch.whole)
-            rows = turning.rows
-            sign[rows], V0[rows], R[rows], rests[rows], lasts[rows] = (
-                turning.sign,
-                turning.V0,
-                turning.R,
-                False,
-                True,
-            )
+        driven_V = moment.vp_V - moment.nvs_V - circuit.inductance_H * moment.magnetizing_A_per_s
+        if (turning := stretch.turning(circuit, x, driven_V, law)) is not None:
+            turning.put((V0, R), sign, rests, lasts)
         return cls(sign=sign, V0=V0, R=R, rests=rests, lasts=lasts)
 
     def hold(self, circuit: Circuit, moment: Moment, before: tuple[Law, Array], stretch: Stretch) -> None:
@@ -217,20 +224,12 @@ class Dropped:
         V0, R = primary_law(circuit, moment.vp_V, sign)
         held = resting & (np.abs(at_rest_V) <= V0)
         V0, lasts = sign * V0, np.zeros(sign.shape, dtype=bool)
-        if stretch.whole is not None and np.any(stretch.whole[0] < circuit.dead_time_s):
 
-            def law(part: Circuit, rows: Index, way: float) -> Law:
-                return primary_law(part, moment.vp_V[rows], np.full(rows.size, way))
+        def law(part: Circuit, rows: Index, way: float) -> Law:
+            return primary_law(part, moment.vp_V[rows], np.full(rows.size, way))
 
-            turning = _Turning.of(circuit, current_A, plain_V, law, stretch.whole)
-            rows = turning.rows
-            sign[rows], V0[rows], R[rows], held[rows], lasts[rows] = (
-                turning.sign,
-                turning.V0,
-                turning.R,
-                False,
-                True,
-            )
+        if (turning := stretch.turning(circuit, current_A, plain_V, law)) is not None:
+            turning.put((V0, R), sign, held, lasts)
         if behind is None:
             return cls(
                 push_V=np.where(held, 0.0, v - V0), resistance_Ohm=R, sign=sign, held=held, lasts=lasts,

@@ -17,7 +17,7 @@ from bench.commands.streams import err, out, stamp
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
 from bench.model_file import model_from, write_model
-from bench.report import question_of_rows, question_of_the_model
+from bench.report import first_questions
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
 from bench.wording import counted, effect_name, parameter_text, verdict_text
@@ -151,9 +151,8 @@ def tell(plain: dict[str, Any]) -> None:
             value = "; ".join(parameter_text(p) for p in cause["parameters"])
             table.add_row(effect_name(cause["effect"]), f"{cause['probability']:.3f}", value, cause["check"])
         out.print(table)
-    for asked in (question_of_the_model(plain), question_of_rows(plain)):
-        if asked:
-            out.print(escape(asked))
+    for asked in first_questions(plain):
+        out.print(escape(asked))
     for step in plain["next"]:
         apart = " from ".join(map(effect_name, step["separates"]))
         worth = f"tells {apart} at {step['expected_sigma']:.1f} sigma"

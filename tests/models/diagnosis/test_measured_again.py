@@ -39,6 +39,7 @@ def test_rows_with_the_most_current_tell_most_of_a_resistance(found: Diagnosis, 
     rows = telling_rows(found.refinery, [(r.fit, r.probability) for r in rivals], loaded)
     power_W = found.observations.frame["P2_W"].to_numpy()
     assert sorted(rows) == sorted(loaded)
+    # rows in no order would have equal means; power is a stand-in for current, which D1 and D2 change as well
     assert np.mean(power_W[rows[:10]]) > 1.2 * np.mean(power_W[rows[-30:]])
 
 
