@@ -24,7 +24,7 @@ from drivers.mocks.plant import Plant
 from drivers.mocks.rack import Rack
 
 AGAIN_S = 5.0  # real time that a mock instrument may be gone
-PATIENCE = {"timeout_s": 0.5, "lateness_s": 0.5}  # mocks are quick; faults that are late say how late
+PATIENCE = {"timeout_s": 0.5, "lateness_s": 0.5}  # with what faults may silence; late ones say how late
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ def rehearse(
     clock = StepClock()
     plant = Plant.virtual(seed=seed, hidden={}, clock=clock)
     with tempfile.TemporaryDirectory(prefix="d2ea-rehearsal-") as folder, Rack(plant, faults=faults) as rack:
-        virtual = rehearsed(bench, rack)
+        virtual = rehearsed(bench, rack, faults)
         with Store(f"sqlite:///{folder}/rehearsal.sqlite") as store:
             failures = Failures(store.database)
             for fault in faults.at(DATABASE):
@@ -81,10 +81,13 @@ def rehearse(
             )
 
 
-def rehearsed(bench: BenchConfig, rack: Rack) -> BenchConfig:
+def rehearsed(bench: BenchConfig, rack: Rack, faults: FaultFile) -> BenchConfig:
     """The mock bench with the real one's limits, converter and heartbeat."""
     settings = rack.bench_config()
-    ports = {name: dict(settings[name], **PATIENCE) for name in ("analyzer", "supply", "load", "controller")}  # type: ignore[call-overload]
+    ports: dict[str, dict[str, object]] = {
+        name: dict(settings[name], **(PATIENCE if faults.at(name) else {}))  # type: ignore[call-overload]
+        for name in ("analyzer", "supply", "load", "controller")
+    }
     ports["controller"]["heartbeat_s"] = bench.controller.heartbeat_s
     ports["analyzer"]["update_s"] = bench.analyzer.update_s
     limits = bench.limits.model_dump() | {"again_s": AGAIN_S, "recover_s": AGAIN_S}

@@ -22,6 +22,8 @@ from drivers.mocks.modbus_wire import RtuServer, TcpServer
 from drivers.mocks.scpi_analyzer import AnalyzerPlant, ScpiAnalyzer
 from drivers.mocks.wire import PtyServer
 
+PATIENCE_S = 10.0  # a mock answers once its plant is solved, on a computer that may be busy with other things
+
 LIMITS = {
     "voltage_V": 320.0,
     "current_A": 10.0,
@@ -103,6 +105,7 @@ class Rack:
             "controller": (FRAMES, self.controller),
         }
         lines = {name: FaultLine(wire, panel) for name, (wire, panel) in panels.items()}
+        self._sound = frozenset(name for name in panels if not faults.at(name))
         self.injectors = {
             name: Injector(faults=faults.at(name), seed=faults.seed + k, line=line)
             for k, (name, line) in enumerate(lines.items())
@@ -150,11 +153,11 @@ class Rack:
         self.stop()
 
     def bench_config(self) -> dict[str, object]:
-        """The content of a bench.toml that connects to this rack; only while it runs."""
-        return {
-            "name": "virtual lab",
-            "virtual": True,
-            "speed": self.speed,
+        """The content of a bench.toml that connects to this rack; only while it runs.
+
+        An instrument that no fault can silence is waited for longer than a real one.
+        """
+        instruments: dict[str, dict[str, object]] = {
             "analyzer": {
                 "model": "wt3000",
                 "resource": self.analyzer_server.resource,
@@ -178,6 +181,14 @@ class Rack:
                 "baud": 115200,
                 "heartbeat_s": self.heartbeat_s,
             },
+        }
+        for name in self._sound:
+            instruments[name]["timeout_s"] = PATIENCE_S
+        return {
+            "name": "virtual lab",
+            "virtual": True,
+            "speed": self.speed,
+            **instruments,
             "limits": dict(LIMITS),
             "converter": {"input_voltage_V": 300.0, "output_voltage_V": 140.0},
         }

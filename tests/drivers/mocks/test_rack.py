@@ -8,6 +8,7 @@ import pytest
 from drivers.analyzer import Analyzer, load_analyzer_model
 from drivers.controller import Controller
 from drivers.load import ElectronicLoad
+from drivers.mocks.faults import FaultFile
 from drivers.mocks.rack import Rack
 from drivers.modbus import ModbusDevice
 from drivers.modbus_link import open_link
@@ -24,13 +25,21 @@ def test_it_writes_the_bench_that_it_is() -> None:
     assert (config["speed"], config["controller"]["heartbeat_s"]) == (20.0, 1.5)
     assert config["supply"]["resource"].startswith("tcp://127.0.0.1:")
     assert {key: set(table) for key, table in config.items() if isinstance(table, dict)} == {
-        "analyzer": {"model", "resource", "baud", "update_s", "wiring"},
-        "supply": {"map", "resource", "unit"},
-        "load": {"map", "resource", "baud", "unit"},
-        "controller": {"resource", "baud", "heartbeat_s"},
+        "analyzer": {"model", "resource", "baud", "update_s", "wiring", "timeout_s"},
+        "supply": {"map", "resource", "unit", "timeout_s"},
+        "load": {"map", "resource", "baud", "unit", "timeout_s"},
+        "controller": {"resource", "baud", "heartbeat_s", "timeout_s"},
         "limits": {"voltage_V", "current_A", "power_W", "output_voltage_V", "heatsink_C", "winding_C"},
         "converter": {"input_voltage_V", "output_voltage_V"},
     }
+
+
+def test_only_what_no_fault_can_silence_is_waited_for_long() -> None:
+    silent = FaultFile.model_validate({"fault": [{"instrument": "load", "kind": "silence"}]})
+    with Rack(FakePlant(), faults=silent) as rack:
+        config = rack.bench_config()
+    waited = {name: config[name].get("timeout_s") for name in rack.injectors}
+    assert waited == {"analyzer": 10.0, "supply": 10.0, "load": None, "controller": 10.0}
 
 
 @pytest.mark.parametrize(("section", "kind"), [("supply", DcSupply), ("load", ElectronicLoad)])
