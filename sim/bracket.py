@@ -106,11 +106,21 @@ class Bracketed:
         self._keep(chosen, edges, np.concatenate([orbit.start_A[None], orbit.delay]))
         return orbit, np.asarray(self.way[chosen] * orbit.output_power_W())
 
+    def carries(self, goal_W: Array) -> NDArray[np.bool_]:
+        """Whether there is a phase for each power: one scan of a peak finds its power to some parts in ten thousand."""
+        _, most_W, little = self._at_half(goal_W)
+        most_W[little] = self._peak(little, scans=1)[1]
+        return np.asarray(most_W >= goal_W * (1.0 - self.accuracy.power))
+
+    def _at_half(self, goal_W: Array) -> tuple[Orbit, Array, Index]:
+        """The orbit at phase 1/2, its power, and which points have a peak that may carry what is missing."""
+        orbit, most_W = self.orbit(np.full(goal_W.size, 0.5), np.arange(goal_W.size))
+        return orbit, most_W, np.flatnonzero((most_W < goal_W) & (most_W > _PEAK_ABOVE * goal_W))
+
     def solve(self, goal_W: Array) -> "Found":
         """Whether there is a phase for each power, and which."""
         tolerance, limit = self.accuracy.power, np.full(goal_W.size, 0.5)
-        orbit, most_W = self.orbit(limit, np.arange(goal_W.size))
-        little = np.flatnonzero((most_W < goal_W) & (most_W > _PEAK_ABOVE * goal_W))
+        orbit, most_W, little = self._at_half(goal_W)
         limit[little], most_W[little], phases, powers = self._peak(little)
         search = _Search.between(lowest_phase(self.circuit, self.edges, self.way), limit, goal_W)
         search.short[:] = most_W < goal_W * (1.0 - tolerance)
@@ -172,7 +182,7 @@ class Bracketed:
         phases = high - (high - low) * _AROUND[:, None]
         search.narrow(busy, phases, self.powers(phases, busy)[0])
 
-    def _peak(self, points: Index) -> tuple[Array, Array, Array, Array]:
+    def _peak(self, points: Index, scans: int = _SCANS) -> tuple[Array, Array, Array, Array]:
         """Phase and power at the peak of some points, by ever closer scans; their rising phases (K, M) and powers.
 
         The first one is wide because a leg that turns from hard to soft near the peak can give it a second summit.
@@ -182,7 +192,7 @@ class Bracketed:
         lowest = phase_for_share(_HIGH * most, edges, way)
         centre, width = 0.5 * (lowest + _FURTHEST), 0.5 * (_FURTHEST - lowest)
         seen = []
-        for _ in range(_SCANS):
+        for _ in range(scans):
             phases = centre + width * _SCAN[:, None]
             powers, states = self.powers(phases, points)
             seen.append((phases, powers))

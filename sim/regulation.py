@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.bracket import Bracketed, lowest_phase
 from sim.piecewise import phase_for_share, power_share
-from sim.steady_state import FINE, SHIFT, Accuracy, Demand, Effort, Orbit, settle, step_once
+from sim.steady_state import COARSE, FINE, SHIFT, Accuracy, Demand, Effort, Orbit, settle, step_once
 from sim.waveform import Circuit, lossless_start_A
 
 Array = NDArray[np.float64]
@@ -153,6 +153,32 @@ def regulate(
             orbit = orbit.renewed(reached, part)
     assert orbit is not None
     return Regulated(phase=state[5], limit=limit, orbit=orbit, reached=met & orbit.closed, most_W=most_W)
+
+
+def carried(circuit: Circuit, edges: Array, target_W: Array) -> NDArray[np.bool_]:
+    """Whether any phase carries a power into the ideal secondary bridge, to a part in a thousand; not which, (N,).
+
+    Arguments are those of :func:`regulate`.
+    """
+    way, limit = np.where(target_W < 0, -1.0, 1.0), np.full(target_W.size, 0.5)
+    state, doubtful = _start(circuit, edges, target_W, None)
+    asked, met = np.flatnonzero(~doubtful), np.zeros(way.size, dtype=bool)
+    if asked.size:
+        _, _, met[asked] = settle(
+            circuit.take(asked),
+            edges.take(asked, axis=1),
+            state.take(asked, axis=1),
+            _demand(circuit, edges, target_W, limit).take(asked),
+            accuracy=COARSE,
+            effort=Effort(left_open=int(_FEW_MORE * way.size)),
+        )
+    left = np.flatnonzero(~met)
+    if left.size:
+        search = Bracketed.of(
+            circuit.take(left), edges.take(left, axis=1), way[left], state.take(left, axis=1), COARSE
+        )
+        met[left] = search.carries(way[left] * target_W[left])
+    return met
 
 
 def _falling(

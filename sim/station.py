@@ -15,9 +15,9 @@ from sim.modulation import centre_offset, hybrid_edges
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.prototype import prototype
-from sim.regulation import Regulated, follow, regulate, spare_power
+from sim.regulation import Regulated, carried, follow, regulate, spare_power
 from sim.stacking import pick, put
-from sim.steady_state import COARSE, Accuracy, half_period
+from sim.steady_state import Accuracy, half_period
 from sim.thermal import temperatures
 from sim.waveform import Circuit
 
@@ -163,7 +163,7 @@ class Station:
 
     def within_reach(self) -> NDArray[np.bool_]:
         """Whether the power can be carried at the present temperatures, (N,)."""
-        return regulate(self._circuit(), self.edges, self.slow.target_W, accuracy=COARSE).reached
+        return carried(self._circuit(), self.edges, self.slow.target_W)
 
     def follow(self) -> tuple[OperatingState, Regulated]:
         """One step towards the solution: what there is now, and where to go on."""

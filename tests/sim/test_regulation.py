@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sim.prototype import prototype
-from sim.regulation import Regulated, regulate
+from sim.regulation import Regulated, carried, regulate
 from sim.steady_state import COARSE, Circuit, periodic
 from tests.sim.orbits import PHASE_SHIFT, circuit, edges_at, random_duties
 
@@ -86,6 +86,14 @@ def test_more_than_the_peak_is_refused_with_the_most_there_is(scan: Scan) -> Non
     assert not result.reached.any()
     short = np.isfinite(result.most_W)
     assert np.all(result.most_W[short] < 1.05 * scan.peak_W[short] + 5.0)
+
+
+@pytest.mark.parametrize(("share", "is_carried"), [(0.9, True), (0.997, True), (1.01, False), (1.2, False)])
+def test_what_is_carried_ends_at_the_peak(scan: Scan, share: float, is_carried: bool) -> None:
+    worth = scan.peak_W > 100.0  # pulses of a few dead times carry less, on a plateau that sags
+    # answered to 0.1 %, and to the peak's own phase, which may lie beyond that of the scan's end by 0.02: 0.2 % more
+    found = carried(scan.circuit, scan.edges, share * scan.peak_W)
+    assert np.all(found[worth] == is_carried)
 
 
 def test_no_load_is_reached_everywhere(scan: Scan) -> None:
