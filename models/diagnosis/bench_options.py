@@ -58,14 +58,14 @@ class Again:
     rows: NDArray[np.intp]
     near: Result
 
-    def after(self, observations: Observations) -> tuple[Points, Result]:
-        """Standby, no load and these rows, after everything that was measured; and what they start from."""
+    def after(self, observations: Observations) -> tuple[Points, Result, NDArray[np.intp]]:
+        """Standby, no load and these rows, after everything that was measured; what they start from; all rows."""
         kind, used = observations.frame["kind"].to_numpy(), np.unique(observations.row)
         unloaded = [used[kind[used] == name] for name in UNLOADED]
         end_s = float(np.max(np.asarray(observations.points.time_s)))
         rows = np.concatenate([*(found[:1] for found in unloaded), self.rows])
         points, near = observations.points.take(rows), self.near.take(np.searchsorted(used, rows))
-        return replace(points, time_s=end_s), near
+        return replace(points, time_s=end_s), near, rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +83,8 @@ class Options:
     """K things to do, the readings that R models expect of them (R, K, channels), and their noise (K, channels).
 
     ``points`` are where the first of them are done; those behind are done without the converter. ``near`` is a
-    simulation there for variants to start from.
+    simulation there for variants to start from, ``rows`` are those of the frame that they repeat, -1 for a point that
+    repeats none.
     """
 
     what: tuple[Option, ...]
@@ -91,6 +92,7 @@ class Options:
     sigma: Array
     points: Points
     near: Result
+    rows: NDArray[np.intp] | None = None
 
     @property
     def minutes(self) -> Array:
@@ -100,12 +102,14 @@ class Options:
     def take(self, chosen: Sequence[int], channels: Sequence[int]) -> "Options":
         """Some of them, by some of the channels."""
         rows, columns = np.array(chosen, dtype=np.intp), np.array(channels, dtype=np.intp)
+        at = rows[rows < len(self.points)]
         return Options(
             what=tuple(self.what[k] for k in chosen),
             readings=self.readings[:, rows[:, None], columns],
             sigma=self.sigma[rows[:, None], columns],
-            points=self.points.take(rows[rows < len(self.points)]),
-            near=self.near.take(rows[rows < len(self.points)]),
+            points=self.points.take(at),
+            near=self.near.take(at),
+            rows=None if self.rows is None else self.rows[at],
         )
 
 
@@ -123,9 +127,9 @@ def bench_options(
     """
     if again is None:
         points = _points(observations, models, allowed)
-        near = reference(like or models[0], points)
+        near, rows = reference(like or models[0], points), None
     else:
-        points, near = again.after(observations)
+        points, near, rows = again.after(observations)
     what = _measured(points, allowed)
     if not allowed.by_hand:
         return Options(
@@ -134,6 +138,7 @@ def bench_options(
             sigma=usual_sigma(channels, np.asarray(points.power_W)),
             points=points,
             near=near,
+            rows=rows,
         )
     most = int(np.argmax(np.asarray(points.power_W)))
     at, one = _set_points(points)[most], points.take(np.array([most]))
@@ -164,6 +169,7 @@ def bench_options(
         sigma=np.concatenate([sigma, np.full((1, len(channels)), _WINDING_Ohm)]),
         points=where,
         near=near,
+        rows=None if rows is None else np.where(np.arange(places.size) == len(points), -1, rows[places]),
     )
 
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from models.diagnosis.covariance import length_scale, locations, smooth_covariance
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Channel, Observations, observe
+from models.diagnosis.predictions import Repeated
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures, signatures
 from sim.operating_points import Points
@@ -39,12 +40,13 @@ _IDLE_W = 1e-9
 class Ahead:
     """K points that could be measured, each by some channels; reading (k, c) is number ``K_channels * k + c``.
 
-    ``near`` is a simulation of these points to start from.
+    ``near`` is a simulation of these points to start from; ``rows`` (K,) are those of the frame that they repeat.
     """
 
     points: Points
     channels: tuple[Channel, ...]
     near: Result | None = None
+    rows: NDArray[np.intp] | None = None
 
     def observed(self, refinery: Refinery) -> tuple[Observations, NDArray[np.intp]]:
         """Them as observations without values, and the number of each of their readings."""
@@ -75,8 +77,11 @@ def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen
     """What the measurements say and leave open of the readings ahead."""
     seen, number = ahead.observed(refinery)
     effects, known = {name for fit in fits for name in fit.effects}, refinery.known
-    near = None if ahead.near is None else ahead.near.take(np.unique(seen.row))
-    there = signatures(seen, refinery.baseline, among=effects, near=near).doubted(seen, known.doubt)
+    used = np.unique(seen.row)
+    near = None if ahead.near is None else ahead.near.take(used)
+    repeated = None if ahead.rows is None else Repeated(known=known.told, rows=ahead.rows[used])
+    there = signatures(seen, refinery.baseline, among=effects, near=near, repeated=repeated)
+    there = there.doubted(seen, known.doubt)
     accuracy = _Accuracy(refinery.observations, seen)
     across = known.spreads.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))

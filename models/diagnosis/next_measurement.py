@@ -205,7 +205,7 @@ class _Race:
         size = options.sigma.size
         expected, open_ = options.readings.reshape(len(rivals), size), np.zeros((len(rivals), size, size))
         if refinery is not None:
-            ahead = Ahead(points=options.points, channels=CHANNELS, near=options.near)
+            ahead = Ahead(points=options.points, channels=CHANNELS, near=options.near, rows=options.rows)
             found, known = (
                 left_open(refinery, ahead, [r.fit for r in rivals]),
                 len(options.points) * len(CHANNELS),

@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 from models.diagnosis.inaccuracy import inaccuracy, narrowed
 from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
+from models.diagnosis.predictions import Key, Predictions, Repeated, read, table_of
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
 from sim.side_by_side import side_by_side
-from sim.simulate import Points, Result, can_run, simulate_each
+from sim.simulate import Case, Points, Result, can_run, simulate_each
 from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
+_Entry = tuple[str, Effect, dict[str, float]]  # its name, and the values beside its headline's
 
 _ROOT_3 = 3**0.5
 _VOLTAGE_GAIN = 5e-4 / _ROOT_3  # of a dc voltage: 0.05 % of reading, uniform
@@ -71,7 +73,7 @@ class Signatures:
     where efficiency is alone how far a limit one sigma off bends it;
     ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (2, M) is
     that of the simulation, its laws as doubtful as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of
-    the frame, for variants to start from, and ``lines`` are what they start along.
+    the frame, for variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there.
     """
 
     baseline: Array
@@ -86,6 +88,7 @@ class Signatures:
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
     lines: Lines | None = None
+    told: Predictions = field(default_factory=Predictions)
 
     def start(self, observations: Observations, baseline: Model) -> tuple[Result, Lines | None]:
         """The baseline's simulation at the rows with readings, and the lines there."""
@@ -144,11 +147,13 @@ def signatures(
     *,
     among: Collection[str] | None = None,
     near: Result | None = None,
+    repeated: Repeated | None = None,
 ) -> Signatures:
     """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call.
 
     An effect that is left out as a cause still has its everyday tolerance. ``among`` are those that are asked for, all
-    by default. ``near`` is a simulation of the rows with readings to start from.
+    by default. ``near`` is a simulation of the rows with readings to start from. Rows that are ``repeated`` are not
+    simulated again where that is known.
     """
     spreads = everyday_spread(baseline.converter)
     entries = [
@@ -159,18 +164,25 @@ def signatures(
         for other in entry.variants()
     ]
     present = baseline.effects
-    models = [baseline]
-    for name, entry, other in entries:
-        start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
-        models.append(baseline.with_effect(name, **{entry.headline.name: start + step_of(entry), **other}))
-    models += [Model(converter=s.shifted(baseline.converter, 1.0), effects=baseline.effects) for s in spreads]
-    limit = [k for k, s in enumerate(spreads) if s.path == _LIMIT and observations.efficiency_alone]
-    models += [Model(converter=spreads[k].shifted(baseline.converter, -1.0), effects=present) for k in limit]
     used, row = np.unique(observations.row, return_inverse=True)
     at, near = observations.points.take(used), near or observations.reference(baseline)
-    cases = [*((model, at) for model in models), *((baseline, moved) for moved in _inputs(at))]
-    results = simulate_each(cases, near, processes=observations.processes)
-    base, *moved = (observations.predicted(result, row) for result in results)
+    variants: dict[Key, Case] = {("baseline",): (baseline, at)}
+    for name, entry, other in entries:
+        start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
+        values = {entry.headline.name: start + step_of(entry), **other}
+        variants[name, *other.items()] = baseline.with_effect(name, **values), at
+    limit = [k for k, s in enumerate(spreads) if s.path == _LIMIT and observations.efficiency_alone]
+    for s, sigmas in (*((s, 1.0) for s in spreads), *((spreads[k], -1.0) for k in limit)):
+        model = Model(converter=s.shifted(baseline.converter, sigmas), effects=present)
+        variants["spread", s.path, sigmas] = model, at
+    variants |= {("input", k): (baseline, moved) for k, moved in enumerate(_inputs(at))}
+    lines = None
+    if repeated is None:
+        results = simulate_each(list(variants.values()), near, processes=observations.processes)
+        tables, lines = list(map(table_of, results)), _lines(results, entries, len(spreads))
+    else:
+        tables = repeated.tables(variants, near)
+    base, *moved = (read(table, observations, row) for table in tables)
     ends = np.cumsum([len(entries), len(spreads), len(limit)])
     of_effects, of_spreads, of_limit, of_inputs = np.split(np.stack(moved), ends)
     found = [
@@ -198,18 +210,19 @@ def signatures(
         inaccuracy=inaccuracy(observations, near),
         rows=used,
         near=near,
-        lines=_lines(results, found, len(spreads)),
+        lines=lines,
+        told=Predictions.of(used, variants, tables),
     )
 
 
-def _lines(results: Sequence[Result], found: Sequence[Signature], spreads: int) -> Lines:
+def _lines(results: Sequence[Result], entries: Sequence[_Entry], spreads: int) -> Lines:
     """From the simulations of the baseline, of every effect at its step, and of so many spreads at one sigma."""
-    base, *moved = (result.state for result in results[: 1 + len(found) + spreads])
+    base, *moved = (result.state for result in results[: 1 + len(entries) + spreads])
     effects = {
-        key_of(s.effect, s.other): (there - base) / step_of(s.entry)
-        for s, there in zip(found, moved[: len(found)], strict=True)
+        key_of(name, other): (there - base) / step_of(entry)
+        for (name, entry, other), there in zip(entries, moved[: len(entries)], strict=True)
     }
-    return Lines.of(base, np.stack(moved[len(found) :]) - base, effects)
+    return Lines.of(base, np.stack(moved[len(entries) :]) - base, effects)
 
 
 def applies(entry: Effect, converter: Converter) -> bool:

@@ -58,7 +58,8 @@ class Effect:
 
     ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. ``akin`` is
     the effect that such an error looks like, where one does.
-    ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each.
+    ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each; ``over_time``
+    that it follows the time since the campaign began.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Effect:
     law: float = 0.02
     akin: str | None = None
     together: bool = False
+    over_time: bool = False
 
     @property
     def headline(self) -> EffectParameter:

@@ -127,6 +127,18 @@ def test_off_leaves_every_result_bit_identical(entry: Effect, baseline: Result) 
 
 
 @EVERY
+def test_it_says_whether_it_follows_the_time(entry: Effect) -> None:
+    at = points()
+    model = set_to(entry, entry.headline.off + STEP * entry.headline.prior)
+    now, later = (
+        simulate_many([model], at)[0],
+        simulate_many([model], replace(at, time_s=np.asarray(at.time_s)[::-1]))[0],
+    )
+    # of both solutions 1e-6 of the power and 0.2 mK: some hundredths of what a good bench can just see
+    assert np.any(np.abs(columns(now) - columns(later)) > 0.1) == entry.over_time
+
+
+@EVERY
 def test_its_prior_changes_something(entry: Effect, results: dict[str, list[Result]]) -> None:
     change = columns(results[entry.name][3]) - columns(results[""][0])
     assert np.abs(change).max() > 1.0

@@ -1,0 +1,74 @@
+"""What every variant of a baseline says of every channel, kept for rows that are measured again.
+
+The same row at another time has other readings only where something follows the time; nothing else is simulated anew.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.observations import CHANNELS, Observations
+from sim.effects.catalogue import effect
+from sim.simulate import Case, Result, simulate_each
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+Key = tuple[object, ...]
+
+
+def table_of(result: Result) -> Array:
+    """All channels of a simulation, (C, N)."""
+    return np.stack([result[c.column] for c in CHANNELS])
+
+
+def read(table: Array, observations: Observations, row: Rows) -> Array:
+    """Of a table (C, N) every reading, (M,), whose places are ``row`` (M,)."""
+    place = np.array([CHANNELS.index(c) for c in observations.channels])
+    return np.asarray(table[place[observations.channel], row])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Predictions:
+    """Tables (C, N) at the ``rows`` (N,) of the frame of every variant that follows no time, by its key."""
+
+    rows: Rows = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    tables: Mapping[Key, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, rows: Rows, variants: Mapping[Key, Case], tables: Sequence[Array]) -> Self:
+        """What is worth keeping of tables in the variants' order."""
+        pairs = zip(variants.items(), tables, strict=True)
+        return cls(rows=rows, tables={key: table for (key, case), table in pairs if not _over_time(case)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeated:
+    """Points of which each is the one at ``rows`` (K,) of the frame at another time, -1 where it is none of them."""
+
+    known: Predictions
+    rows: Rows
+
+    def take(self, chosen: Rows) -> "Repeated":
+        """Some of the points."""
+        return Repeated(known=self.known, rows=self.rows[chosen])
+
+    def tables(self, variants: Mapping[Key, Case], near: Result) -> list[Array]:
+        """Tables (C, K) of variants at these points, from a simulation ``near`` them."""
+        place = np.searchsorted(self.known.rows, self.rows)
+        new, every = np.flatnonzero(self.rows < 0), np.arange(self.rows.size)
+        found = {key: self.known.tables[key].take(place, axis=1, mode="clip")
+                 for key in variants if key in self.known.tables}  # fmt: skip
+        for keys, at in ((list(found), new), ([key for key in variants if key not in found], every)):
+            if keys and at.size:
+                cases = [(model, points.take(at)) for model, points in map(variants.__getitem__, keys)]
+                for key, result in zip(keys, simulate_each(cases, near.take(at)), strict=True):
+                    found.setdefault(key, np.empty((len(CHANNELS), every.size)))[:, at] = table_of(result)
+        return [found[key] for key in variants]
+
+
+def _over_time(case: Case) -> bool:
+    model, _ = case
+    return any(effect(name).over_time for name in model.effects)
