@@ -161,7 +161,7 @@ class Diagnosis:
                 "name": head.name,
                 "unit": head.unit,
                 "value": term.value,
-                "ci95": list(interval(term)),
+                "ci95": list(interval(self.refinery, cause.fit, cause.effect)),
                 "off": head.off,
             }
         ]

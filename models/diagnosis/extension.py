@@ -22,16 +22,29 @@ Array = NDArray[np.float64]
 _Z95 = 1.96
 
 
-def interval(term: Term) -> tuple[float, float]:
-    """The 95 % interval of a term's value, inside its bounds."""
-    half = _Z95 * term.uncertainty
+def interval(refinery: Refinery, fit: Fit, effect: str) -> tuple[float, float]:
+    """The 95 % interval of an effect's value in a fit, inside its bounds."""
+    term = fit.term(effect)
+    half = _Z95 * term.uncertainty(_of_shapes(refinery, fit)[fit.effects.index(effect)])
     return max(term.value - half, term.head.lower), min(term.value + half, term.head.upper)
+
+
+def _of_shapes(refinery: Refinery, fit: Fit) -> list[float]:
+    """How far the shapes of its own law let each value of a fit be off, one sigma, (k,)."""
+    slopes, prior = np.stack([t.slope for t in fit.terms]), np.array([t.head.prior for t in fit.terms])
+    solved = refinery.solve(fit, slopes)
+    weights = np.linalg.solve(solved @ slopes.T + np.diag(prior**-2), solved)  # of the readings in each value
+    laws = [refinery.laws.directions(t.signature, t.distance) for t in fit.terms]
+    return [
+        0.0 if law is None else abs(law.factor) * float(np.linalg.norm(law.vectors @ own))
+        for law, own in zip(laws, weights, strict=True)
+    ]
 
 
 def extended(refinery: Refinery, fit: Fit, stated: tuple[str, ...], sigma: Array) -> Model:
     """The baseline with the effects that are stated of a fit; ``sigma`` (M,) is the noise of the readings."""
     observations = refinery.observations
-    terms = [fit.term(name) for name in stated]
+    terms, inside = [fit.term(n) for n in stated], [interval(refinery, fit, n) for n in stated]
     if not terms:
         return refinery.baseline
     seen = observations.of("efficiency") & observations.loaded[observations.row]
@@ -41,18 +54,18 @@ def extended(refinery: Refinery, fit: Fit, stated: tuple[str, ...], sigma: Array
     left = refinery.residual - fit.shift + others
     vectors = np.stack([*(t.slope for t in terms), left])[:, seen] / sigma[seen]
     model = refinery.baseline
-    for term, value in zip(terms, _values(terms, vectors), strict=True):
+    for term, value in zip(terms, _values(terms, inside, vectors), strict=True):
         model = model.with_effect(term.effect, **term.signature.values(value))
     return model
 
 
-def _values(terms: list[Term], vectors: Array) -> list[float]:
-    """The values inside their intervals that leave least.
+def _values(terms: list[Term], inside: list[tuple[float, float]], vectors: Array) -> list[float]:
+    """The values ``inside`` their intervals that leave least.
 
     ``vectors`` (k + 1, n) are the slopes and what the fit leaves, in sigmas. Each value is looked for in
     units of half its interval, from the middle: values are of ohms and of seconds.
     """
-    low, high = np.array([interval(t) for t in terms]).T
+    low, high = np.array(inside).T
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     *slopes, left = vectors
     per_half = np.stack(slopes) * half[:, None]

@@ -10,6 +10,7 @@ marginal likelihood about the fit is Laplace's (Bishop, 2006, section 4.4), exac
 Mass of the prior and of the posterior outside the bounds does not count.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -68,12 +69,15 @@ class Term:
         usual = max(self.head.tolerance, self.signature.everyday)
         return abs(acting) > _EVERYDAY * usual + _SURELY * slope * self.sigma
 
-    @property
-    def uncertainty(self) -> float:
-        """Standard deviation of the value: of the fit, of the parts' own spreads, and of the effect's law."""
+    def uncertainty(self, of_shapes: float) -> float:
+        """Standard deviation of the value: of the fit, of the parts' own spreads, and of the effect's law.
+
+        ``of_shapes`` is how far the law's shapes already let the fit be off, part of ``sigma``: its level is the rest.
+        """
         entry = self.signature.entry
         spread = entry.spread_at(self.value, self.signature.everyday)
-        return float(np.hypot(np.hypot(self.sigma, spread), entry.law * self.distance))
+        level = math.sqrt(max((entry.law * self.distance) ** 2 - of_shapes**2, 0.0))
+        return math.hypot(self.sigma, spread, level)
 
     def aside(self, share: float) -> Self:
         """The value moved by a share of the prior scale, inside its bounds."""

@@ -8,9 +8,10 @@ its formula has another exponent, another dependence on temperature or time. g i
 
 :math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
 columns, it widens the covariance of every hypothesis that holds the cause: what a large one leaves then calls for no
-second one. g has no level: that is in the value, whose interval is at least what the law is worth. Some errors look
-like another effect: harmonics that lose less than the formula says, like plain resistance. The way from the one effect
-to the other is then one of g's shapes. A reading near a threshold may lie on either side of it.
+second one. g has no level: that is in the value, whose interval is at least what the law is worth, what its shapes do
+to the value included. Some errors look like another effect: harmonics that lose less than the formula says, like plain
+resistance. The way from the one effect to the other is then one of g's shapes. A reading near a threshold may lie on
+either side of it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

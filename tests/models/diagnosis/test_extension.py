@@ -38,8 +38,8 @@ def test_inside_its_interval_a_value_takes_up_what_is_left() -> None:
 
 @pytest.mark.parametrize("left_W", [-3.0, 3.0])
 def test_no_value_leaves_its_interval(left_W: float) -> None:
-    _, fit = that_leaves(left_W)
-    low, high = interval(fit.terms[0])
+    bench, fit = that_leaves(left_W)
+    low, high = interval(bench, fit, "auxiliary_power")
     assert power_W(left_W) == pytest.approx(low if left_W < 0 else high, rel=1e-6)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from models.diagnosis.evidence import posterior
+from models.diagnosis.extension import interval
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.law import Laws, law_columns, law_maps
@@ -20,6 +21,7 @@ SIGMA = np.full(READINGS, 0.1)
 POWER_W = np.random.default_rng(1).uniform(200.0, 1800.0, READINGS)
 GROWING = 100.0 * (POWER_W / 1800.0) ** 2  # W per Ohm
 LINK = Signature(effect="link_resistance", slope=GROWING)
+LAW = LINK.entry.law
 AUXILIARY = Signature(effect="auxiliary_power", slope=np.ones(READINGS))
 GAIN = Signature(effect="analyzer_gain", slope=POWER_W)
 BENT = 0.05 * np.cos(np.pi * POWER_W / 1800.0)  # of the cause's shift, over all loads
@@ -44,15 +46,27 @@ def test_a_second_cause_that_is_there_is_still_found() -> None:
     assert named(WRONG + 3.0, 0.05).effects == ("auxiliary_power", "link_resistance")
 
 
-def test_a_values_uncertainty_is_at_least_what_its_law_and_its_part_are_worth() -> None:
+def test_a_values_uncertainty_holds_what_its_law_and_its_part_are_worth() -> None:
     (term,) = named(WRONG, 0.05).terms
     law = term.signature.entry.law
     spread = replace(term, signature=replace(term.signature, everyday=0.002))
-    assert spread.uncertainty == pytest.approx(
+    assert spread.uncertainty(0.0) == pytest.approx(
         np.sqrt(term.sigma**2 + 0.002**2 + (law * term.value) ** 2),
         rel=1e-12,  # rounding
     )
     assert term.sigma > 2 * named(WRONG - 0.1 * GROWING * BENT, 0.0).terms[0].sigma
+
+
+def test_what_a_law_is_worth_counts_once() -> None:
+    there, fit = bench(WRONG, LAW), named(WRONG, LAW)
+    (term,) = fit.terms
+    shapes = LAW * term.distance * MAPS * GROWING
+    weights = np.linalg.solve(np.diag(SIGMA**2) + shapes.T @ shapes, GROWING)
+    of_shapes = np.linalg.norm(shapes @ weights) / (GROWING @ weights + term.head.prior**-2)
+    assert 0.1 * LAW * term.distance < of_shapes < LAW * term.distance  # so that a part is left for the level
+    low, high = interval(there, fit, "link_resistance")
+    whole = np.sqrt(term.sigma**2 - of_shapes**2 + (LAW * term.distance) ** 2)
+    assert high - low == pytest.approx(2 * 1.96 * whole, rel=1e-9)  # rounding
 
 
 def test_weighing_with_columns_is_weighing_with_the_covariance_that_they_make() -> None:
