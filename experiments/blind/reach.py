@@ -10,13 +10,17 @@ the difference between the lab's laws and the simulator's at nominal parts, whic
 An effect that bends is a plane: its shifts at both ends of the range that labs draw from. A part that bends a reading,
 at the most that can be carried or where an edge turns soft, is moved to both sides: the straight part is its
 column, the other one is noise of that reading. What an ordinary lab cannot run at all is not counted.
+What stands in a lab is the departure of a part from its design, of which nobody can say how much was hidden: the
+shift is that from the same lab with these parts as designed (:func:`without`), and a bench whose own parts are as far
+off is a rival too (:func:`departure`).
 
 None of it is known to the diagnosis, and nothing of the diagnosis is used here.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -32,7 +36,7 @@ from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import simulate
-from sim.spread import everyday_spread
+from sim.spread import Spread, everyday_spread, shifted_together
 
 Array = NDArray[np.float64]
 
@@ -44,6 +48,7 @@ LEAST_SIGMA = 5.0
 POINTS = 100
 _LOADED = ("load", "reference")
 _EVERYDAY = {"duty_offset": 3e-4, "ambient_K_per_h": 0.1, "drift_share": 2e-3, "choke_drop": 0.01}
+_OF_PORT_1 = {"input_gain": ("voltage_gain", "current_gain"), "input_offset_A": ("offset_A",)}
 _ROOT_3, _UPDATES = 3**0.5, 8
 # noise of one row, of reading: the input's and the output's (efficiency is judged), current, ac power
 _NOISE = {"P1_W": 1.4e-4, "I_L_rms_A": 2e-4, "P_link1_W": 4e-4, "P_link2_W": 4e-4}
@@ -173,6 +178,60 @@ def hiding(lab: Laboratory, values: Mapping[str, float]) -> Laboratory:
     """A lab with catalogue effects hidden in it, everything else as it was."""
     converter, quirks = hide(lab.converter, values, lab.quirks)
     return replace(lab, converter=converter, quirks=quirks)
+
+
+def without(lab: Laboratory, names: Collection[str]) -> Laboratory:
+    """A lab with nothing hidden, and with the very parts that catalogue effects change as the design has them.
+
+    What stands in a lab is a part's departure from its design: nobody can tell how much of it was hidden.
+    """
+    nominal, (parts, quirks) = Laboratory.nominal(), _own(names)
+    back = [
+        (replace(part, sigma=_at(nominal, part.path) - _at(lab, part.path), relative=False), 1.0)
+        for part in parts
+    ]
+    errors: dict[str, Any] = {
+        error: {**getattr(lab.errors, error), 1: 0.0}
+        for quirk in quirks
+        for error in _OF_PORT_1.get(quirk, ())
+    }
+    return replace(
+        lab,
+        converter=shifted_together(lab.converter, back),
+        quirks=replace(lab.quirks, **{name: getattr(nominal.quirks, name) for name in quirks}),
+        errors=replace(lab.errors, **errors),
+    )
+
+
+def departure(lab: Laboratory, name: str) -> float:
+    """How many of their own sigmas the parts that an effect changes are off in a lab; infinite where it changes none.
+
+    A bench whose parts happen to be so far off shows the very same readings; the columns of J say so on a line.
+    """
+    nominal, (parts, _) = Laboratory.nominal(), _own([name])
+    sigmas = [
+        (_at(lab, part.path) - _at(nominal, part.path))
+        / (part.sigma * (_at(nominal, part.path) if part.relative else 1.0))
+        for part in parts
+    ]
+    return float(np.linalg.norm(sigmas)) if sigmas else float("inf")
+
+
+def _own(names: Collection[str]) -> tuple[list[Spread], list[str]]:
+    """The parts with an everyday spread, and the quirks, that effects change; a foreign effect has none."""
+    nominal = Laboratory.nominal()
+    touched = hiding(nominal, {name: HIDDEN[name].drawn[1] for name in names if name in HIDDEN})
+    parts = [
+        spread
+        for spread in everyday_spread(nominal.converter)
+        if _at(touched, spread.path) != _at(nominal, spread.path)
+    ]
+    both = ((f.name, getattr(touched.quirks, f.name)) for f in fields(touched.quirks))
+    return parts, [quirk for quirk, value in both if value != getattr(nominal.quirks, quirk)]
+
+
+def _at(lab: Laboratory, path: str) -> float:
+    return float(attrgetter(path)(lab.converter))
 
 
 def _everyday(lab: Laboratory) -> Iterator[tuple[Laboratory, ...]]:

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import Schedule, schedule, survey
 from experiments.blind.answer import Answer
 from experiments.blind.draws import tied
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.reach import CHANNELS, LEAST_SIGMA, Reach, reach, shift_between
 from experiments.blind.scoring import Share
-from experiments.blind.trial import BlindTrial, laboratory
+from experiments.blind.trial import BlindTrial, laboratory, plain_laboratory
 from experiments.harness.lab_data import random_set_points
 from experiments.harness.result import Table
 from models.dataset import load_measurements
@@ -168,7 +167,7 @@ def _possible(trial: BlindTrial) -> tuple[float, list[str]]:
     assert trial.design is not None
     assert trial.rival is not None
     plan, known = _whole_space(trial.design, trial.points)
-    labs = (laboratory(trial), Laboratory.draw(seed=trial.seed))
+    labs = (laboratory(trial), plain_laboratory(trial))
     shift = shift_between(*(survey(lab, plan, seed=trial.seed) for lab in labs))
     start_s = float(trial.plan.time_s[-1])
     time_s = shift.index.get_level_values(0).to_numpy()

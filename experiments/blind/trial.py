@@ -17,9 +17,11 @@ from experiments.blind.reach import (
     EFFICIENCY_ONLY,
     LEAST_SIGMA,
     Sight,
+    departure,
     design,
     reach_of,
     shift_between,
+    without,
 )
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
@@ -91,6 +93,11 @@ def laboratory(trial: BlindTrial) -> Laboratory:
     return replace(lab, errors=_noisy(lab.errors, trial))
 
 
+def plain_laboratory(trial: BlindTrial) -> Laboratory:
+    """What the lab of a trial is judged against: nothing hidden, and the parts in question as designed."""
+    return without(Laboratory.draw(seed=trial.seed), trial.names)
+
+
 def _noisy(errors: InstrumentErrors, trial: BlindTrial) -> InstrumentErrors:
     """Heavy tails: three degrees of freedom. Autocorrelated: 0.6 from row to row. Under-stated: loads are noisier
     than the reference rows, whose scatter they are judged by, and the stated uncertainty is as much too small."""
@@ -114,7 +121,7 @@ def measured(trial: BlindTrial) -> pd.DataFrame:
 def sight_of(trial: BlindTrial, table: pd.DataFrame) -> Sight:
     """What the truth says can be seen of what the trial hides."""
     assert trial.design is not None
-    plain = survey(Laboratory.draw(seed=trial.seed), trial.plan, seed=trial.seed)
+    plain = survey(plain_laboratory(trial), trial.plan, seed=trial.seed)
     channels = EFFICIENCY_ONLY if trial.efficiency_only else CHANNELS
     if trial.efficiency_only:
         table = table[table["kind"].isin(LOADED_KINDS)]
@@ -125,14 +132,17 @@ def isolability(trial: BlindTrial, sight: Sight) -> float:
     """Sigmas by which what is hidden stands out of whatever could be mistaken for it.
 
     One effect: of every other effect. A foreign one: of the whole catalogue together. Of a pair, the shift of
-    both: of every single effect, and of each of the two with any third. Efficiency alone: of nothing.
+    both: of every single effect, and of each of the two with any third. Efficiency alone: of nothing. Each effect also
+    of an ordinary bench whose parts are as far off.
     """
     if any(name in FOREIGN for name in trial.names):
         return sight.beyond(list(sight.planes))
+    lab = laboratory(trial)
+    ordinary = min(departure(lab, name) for name in trial.names)
     if trial.efficiency_only:
-        return sight.detectability
+        return min(sight.detectability, ordinary)
     beside = [()] if len(trial.names) == 1 else [(name,) for name in trial.names]
-    return min(min(sight.rivals(trial.names, left).values()) for left in beside)
+    return min(ordinary, *(min(sight.rivals(trial.names, left).values()) for left in beside))
 
 
 def ask(trial: BlindTrial) -> dict[str, Any]:
