@@ -31,7 +31,7 @@ from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored
 from experiments.blind.seeds import ROWS, SCORING, TUNING
 from experiments.blind.surrogates import SURROGATE_PART, campaign
-from experiments.blind.tied import separated, settled, understood
+from experiments.blind.tied import Bench, needs_none, separated, settled, understood
 from experiments.blind.trial import HEAVY, NOISES, UNDERSTATED, BlindTrial, ask, measured
 from experiments.blind_trials import NAMES
 from experiments.harness.lab_data import measured_table, random_set_points
@@ -267,6 +267,23 @@ def test_a_missing_channel_is_understood_and_what_this_bench_cannot_do_is_left()
     )
     assert understood({"action": said}).channel == "P_link1_W"
     assert understood({"action": "swap the two elements at D1 = 0.8, D2 = 0.1, 900 W"}).plan is None
+
+
+def test_a_proposed_session_is_warm_when_it_counts() -> None:
+    """The second row starts from where the first one ends: were that one cold, it would be lower by 0.3 W."""
+    trial = BlindTrial(row="tied", seed=150_000, hidden=(("auxiliary_power", 4.0),), points=4)
+    bench = Bench.of(trial)
+    before = len(bench.table)
+    bench.carry_out([understood({"action": "measure D1 = 0.8, D2 = 0.1, 2000 W", "repeats": 2})])
+    later = bench.table.iloc[before:]
+    assert bench.added == len(later) == 2
+    assert float(np.ptp(later["P1_W"] - later["P2_W"])) < 0.25  # noise of a difference is 0.1 W of 2080
+
+
+def test_who_found_it_without_a_channel_needed_none() -> None:
+    assert needs_none({"separated": True, "channels": []})
+    assert not needs_none({"separated": True, "channels": ["D0"]})
+    assert not needs_none({"separated": False, "channels": []})
 
 
 def grouped(**probabilities: float) -> Answer:

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _PWM_COUNTS = 2500  # of a half period: what the controller can set and report
 _TEMPERATURE_NOISE_K = 0.1
 SUPPLY_V = 300.0
-_POINT_S = 180.0  # from one point to the next
+POINT_S = 180.0  # from one point to the next
 _IDLE = (0.8, 0.0)  # D1, D2 of a converter that runs without load
 
 
@@ -62,7 +62,7 @@ def schedule(
             rows.append((float(D1[0]), float(D2[0]), float(power_W[0]), "reference"))
         rows.append((float(point[0]), float(point[1]), float(point[2]), "load"))
     a, b, p, kind = zip(*rows, strict=True)
-    time_s = _POINT_S * np.arange(len(rows), dtype=np.float64)
+    time_s = POINT_S * np.arange(len(rows), dtype=np.float64)
     return Schedule(D1=np.array(a), D2=np.array(b), power_W=np.array(p), kind=np.array(kind), time_s=time_s)
 
 
@@ -165,7 +165,7 @@ def _in_order(lab: Laboratory, plan: Schedule, settled: Settled) -> tuple[Electr
     ambient = lab.ambient_C(plan.time_s) + 0.0 * plan.power_W
     off = plan.kind == "standby"
     end = Heat(**{f.name: np.where(off, ambient, getattr(end, f.name)) for f in fields(Heat)})
-    heat = lab.lagging(end, truth.losses, ambient, _POINT_S)
+    heat = lab.lagging(end, truth.losses, ambient, POINT_S)
     demand = lab.demand(D1, D2, plan.power_W, np.full(D1.size, plan.supply_V))
     return lab.run(demand, plan.power_W, heat, truth), heat
 
