@@ -243,7 +243,7 @@ class _SoFar:
 
 
 def _is_settled(found: "Diagnosis", probability: float) -> bool:
-    """Whether all that is stated is as probable as asked for; a group is that by what it is.
+    """Whether all that is stated is as probable as asked for; a group is that where more rows do not part it.
 
     Few rows show nothing that is surely beyond an ordinary bench: what has to be probable is no cause at all.
     """
@@ -252,7 +252,8 @@ def _is_settled(found: "Diagnosis", probability: float) -> bool:
         return verdict.nothing_probability >= probability
     known = {cause.effect: cause.probability for cause in verdict.causes}
     named = all(known[name] >= probability for name in verdict.stated)
-    return verdict.kind == "group" or (verdict.kind == "named" and named)
+    tied = verdict.kind == "group" and not verdict.left_open
+    return tied or (verdict.kind == "named" and named)
 
 
 def _minutes(table: pd.DataFrame) -> FloatArray:

@@ -365,7 +365,7 @@ def _diagnosed(
         gains=_gains(setting, hypotheses, verdict, seed),
         rivals=rivals,
         refinery=refinery,
-        unexplained=nameless,
+        unexplained=nameless if nameless is not None and nameless.likely else None,
         alike=[replace(c, row=measurements.rows[c.row]) for c in alike if c.sigma > BY_CHANCE],
         sight=sight(refinery),
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),

@@ -13,6 +13,7 @@ from sim.operating_points import Points
 
 Array = NDArray[np.float64]
 
+_WORTH_A_LOOK = 0.01  # of probability
 _LIKELY = 0.5  # probability of a leftover from which it is described
 _KILO = 1000.0
 _TERMS: dict[str, Callable[[Points], Array]] = {
@@ -35,7 +36,8 @@ _MOST_TERMS = 2
 class Unexplained:
     """A leftover: its most probable place, root mean square in W at the input, formula, and how much that holds.
 
-    ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,); ``size`` its length in sigmas.
+    ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,); ``size`` its length in sigmas;
+    ``probability`` that of any leftover.
     """
 
     location: str
@@ -45,12 +47,19 @@ class Unexplained:
     rows: NDArray[np.intp]
     watts: Array
     size: float
+    probability: float
+
+    @property
+    def likely(self) -> bool:
+        """Whether it is more likely there than not, and said."""
+        return self.probability >= _LIKELY
 
 
 def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexplained | None:
-    """The leftover of the most probable hypothesis that has one; None where it is unlikely that there is any."""
+    """The leftover of the most probable hypothesis that has one; None where nothing speaks for any."""
     with_one = [h for h in hypotheses if h.leftover is not None]
-    if sum(h.probability for h in with_one) < _LIKELY:
+    probability = sum(h.probability for h in with_one)
+    if probability < _WORTH_A_LOOK:
         return None
     best = with_one[0]
     assert best.leftover is not None
@@ -68,6 +77,7 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
         rows=rows,
         watts=watts,
         size=float(np.sqrt(geometry.project(shift[None]).each_other[0, 0])),
+        probability=probability,
     )
 
 

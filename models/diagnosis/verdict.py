@@ -2,8 +2,8 @@
 
 ``consistent``: that nothing is wrong cannot be excluded. ``named``: each stated cause has 95 % of all probability,
 alone or with others, with or without a leftover beside it, and nothing that this design cannot tell from it has one
-per cent. ``group``: causes that this design cannot tell apart have it together. ``unknown``: the residuals need a
-leftover more than any cause, or nothing above reaches 95 %.
+per cent. ``group``: causes that this design cannot tell apart have it together, or causes that it would tell apart and
+these data did not. ``unknown``: the residuals need a leftover more than any cause, or nothing above reaches 95 %.
 """
 
 from collections.abc import Collection, Sequence
@@ -27,7 +27,7 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
     3.0,
 )  # times the leftover's length; a threshold catches what is not smooth
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
-_LIKELY = 0.5  # probability from which a threshold that is no cause has to be reckoned with
+_LIKELY = 0.5  # probability from which a leftover, or a threshold that is no cause, has to be reckoned with
 _FAINT = 11.0  # sigmas of a leftover that the model's own shortcomings have on any bench
 _POSSIBLE = 0.01  # probability from which what the design does not tell from a sure cause is stated beside it
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
@@ -57,9 +57,11 @@ class Cause:
 class Verdict:
     """``kind`` is consistent, named, group or unknown; causes by probability; the tied groups.
 
-    ``stated`` are the effects that the verdict stands for: the named ones, or the first of each group.
+    ``stated`` are the effects that the verdict stands for: the named ones, or the first of each group. A group is
+    ``left_open`` where its causes are not tied by the design: more rows like these would tell which it is.
     ``consistent_probability`` is that of nothing beyond an ordinary bench, ``nothing_probability`` that of no cause at
-    all, ``unknown_probability`` that of a leftover which is more than the model's own shortcomings.
+    all, ``unknown_probability`` that of a leftover which is more than the model's own shortcomings, or, of a verdict
+    ``unknown``, of anything that is no cause.
     """
 
     kind: str
@@ -69,6 +71,7 @@ class Verdict:
     consistent_probability: float
     nothing_probability: float
     unknown_probability: float
+    left_open: bool = False
 
 
 def isolability(a: Array, b: Array, whitener: Whitener) -> float:
@@ -93,6 +96,11 @@ def _catches(term: Term, fit: Fit) -> bool:
     """Whether a threshold is too small, beside another cause, to be more than what that one's law misses."""
     beside = len(fit.terms) > 1 and term.signature.entry.threshold
     return beside and abs(term.distance) < _OF_ITS_OWN * term.head.prior
+
+
+def _has_caught(fit: Fit) -> bool:
+    """Whether a threshold of it is no cause."""
+    return any(_catches(term, fit) for term in fit.terms)
 
 
 def _caught(hypotheses: Sequence[Hypothesis]) -> float:
@@ -143,6 +151,17 @@ def _tie_group(
     return tuple(group) if _any_of(hypotheses, group) >= SURE else ()
 
 
+def _left_open(causes: Sequence[Cause], hypotheses: Sequence[Hypothesis]) -> list[tuple[str, ...]]:
+    """One group of the fewest causes with 95 % together, each possible instead of those before it; or none."""
+    group: list[str] = []
+    for cause in causes:
+        if _instead(hypotheses, cause, group) >= _POSSIBLE:
+            group.append(cause.effect)
+        if _any_of(hypotheses, group) >= SURE:
+            return [tuple(group)]
+    return []
+
+
 def judge(
     hypotheses: Sequence[Hypothesis],
     whitener: Whitener,
@@ -152,9 +171,9 @@ def judge(
 ) -> Verdict:
     """The verdict of a posterior.
 
-    ``leftover`` is the length in sigmas of what is probably left over, 0 where nothing is. A cause is stated beside it
-    only if its value is further from off than that, well above: what nobody has thought of looks a little like
-    something.
+    ``leftover`` is the length in sigmas of what is left over, where anything is. Where that is probable a cause is
+    stated beside it only if its value is further from off, well above: what nobody has thought of looks a little
+    like something.
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed. Where readings that were taken for outliers
@@ -165,20 +184,27 @@ def judge(
     faint = leftover < _FAINT
     ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
-    beyond = 0.0 if faint else sum(h.probability for h in hypotheses if h.leftover is not None)
+    beside = sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if fits else []
-    least = max(leftover, _caught(hypotheses))
+    least = max(leftover if beside >= _LIKELY else 0.0, _caught(hypotheses))
     large = [c for c in causes if not alike and c.term.significance >= least * _above(c.term)]
-    groups = _groups(large, hypotheses, whitener, excluded=ordinary < 1 - SURE)
-    sure = {c.effect for c in large if c.probability >= SURE}
-    named = tuple(group[0] for group in groups if len(group) == 1 and group[0] in sure)
+    excluded = ordinary < 1 - SURE
+    groups = _groups(large, hypotheses, whitener, excluded=excluded)
+    tied_by_data = excluded and not groups
+    if tied_by_data:
+        groups = _left_open(large, [h for h in hypotheses if faint or h.leftover is None])
+    named = tuple(group[0] for group in groups if len(group) == 1)
     if groups:
         kind = "named" if named else "group"
-    elif ordinary >= 1 - SURE and ordinary >= nameless and fits and not alike:
+    elif not excluded and ordinary >= nameless and fits and not alike:
         kind = "consistent"  # it cannot be excluded that nothing is wrong: no cause is named
     else:
         kind = "unknown"
     tied = tuple(group for group in groups if len(group) > 1)
+    if kind == "unknown":  # whatever stands in the way of a name
+        beyond = sum(h.probability for h in hypotheses if h.leftover is not None or _has_caught(h.fit))
+    else:
+        beyond = 0.0 if faint else beside
     return Verdict(
         kind=kind,
         causes=tuple(_with_ties(c, tied) for c in causes if c.probability >= _WORTH_A_WORD),
@@ -187,6 +213,7 @@ def judge(
         consistent_probability=ordinary,
         nothing_probability=sum(h.probability for h in bare if h.leftover is None),
         unknown_probability=beyond if fits and not alike else 1.0,
+        left_open=tied_by_data and bool(groups),
     )
 
 

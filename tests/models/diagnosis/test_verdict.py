@@ -91,11 +91,42 @@ def test_what_is_there_beside_a_sure_cause_is_not_there_instead() -> None:
     assert (verdict.kind, verdict.groups) == ("named", ())
 
 
-def test_causes_that_can_be_told_apart_are_no_group() -> None:
+def test_causes_that_the_data_leave_open_are_a_group_though_the_design_parts_them() -> None:
     verdict = judged(("auxiliary_power", ALONG, 0.0, 0.6), ("gate_delay_skew", ACROSS, 0.0, 0.38),
                      (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
-    assert verdict.kind != "group"
-    assert verdict.groups == ()
+    assert (verdict.kind, verdict.stated, verdict.left_open) == ("group", ("auxiliary_power",), True)
+    assert verdict.groups == (("auxiliary_power", "gate_delay_skew"),)
+
+
+def test_a_rival_that_the_design_parts_from_a_sure_cause_is_in_no_group() -> None:
+    verdict = judged(("auxiliary_power", ALONG, 0.0, 0.96), ("gate_delay_skew", ACROSS, 0.0, 0.04))
+    assert (verdict.kind, verdict.groups, verdict.left_open) == ("named", (), False)
+
+
+def test_what_a_leftover_carries_is_left_open_to_no_group() -> None:
+    entries = (("auxiliary_power", ALONG, 5.0, 0.6), ("gate_delay_skew", ACROSS, 0.0, 0.4))
+    verdict = judged(*entries, leftover=15.0)
+    assert (verdict.kind, verdict.groups) == ("unknown", ())
+
+
+def test_what_is_there_beside_the_first_cause_is_not_what_the_data_leave_open() -> None:
+    verdict = judged(("auxiliary_power + link_resistance", ALONG, 0.0, 0.5), ("auxiliary_power", ALONG, 0.0, 0.4),
+                     ("gate_delay_skew", ACROSS, 0.0, 0.08), (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip
+    assert verdict.groups == (("auxiliary_power", "gate_delay_skew"),)
+
+
+def test_a_leftover_that_is_large_but_not_probable_is_nothing_ordinary() -> None:
+    entries = ((None, 0 * ALONG, 5.0, 0.4), ("link_resistance", ALONG, 0.0, 0.6))
+    assert judged(*entries, leftover=6.0).kind == "consistent"
+    verdict = judged(*entries, leftover=20.0)
+    assert (verdict.kind, verdict.consistent_probability) == ("unknown", 0.0)
+    assert verdict.unknown_probability == pytest.approx(0.4)
+
+
+def test_an_unknown_says_how_probable_is_what_stands_in_the_way_of_a_name() -> None:
+    fit = joint_fit({"link_resistance": ALONG}, ALONG)  # ten sigmas from off
+    verdict = judge([Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0)], WHITENER, leftover=9.0)
+    assert (verdict.kind, verdict.unknown_probability) == ("unknown", 1.0)
 
 
 def test_where_nothing_cannot_be_excluded_no_cause_is_named() -> None:
