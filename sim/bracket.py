@@ -187,6 +187,8 @@ class Bracketed:
 
         The first one is wide because a leg that turns from hard to soft near the peak can give it a second summit.
         """
+        if not points.size:
+            return np.empty(0), np.empty(0), np.empty((1, 0)), np.empty((1, 0))
         edges, way = self.edges.take(points, axis=1), self.way[points]
         most = np.abs(power_share(edges + SHIFT * (0.5 * way))[0])
         lowest = phase_for_share(_HIGH * most, edges, way)

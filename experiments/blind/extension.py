@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from drivers.mocks.lab.survey import survey
+from drivers.mocks.lab.survey import settle, survey
 from experiments.blind.draws import extension
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.trial import BlindTrial, laboratory
@@ -22,7 +22,7 @@ from models.diagnosis.diagnose import diagnose
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.operating_points import Points
-from sim.simulate import simulate
+from sim.simulate import Result, reference, simulate_many
 
 Array = NDArray[np.float64]
 
@@ -48,15 +48,16 @@ def kept_band(loaded: pd.DataFrame, seed: int) -> NDArray[np.bool_]:
     return np.asarray((power >= edges[k]) & (power <= edges[k + 1]))
 
 
-def true_model(name: str, points: Points, shown_W: Array, fitted: NDArray[np.bool_]) -> Model:
-    """The baseline with the effect that is there, fitted to some rows."""
+def true_model(name: str, near: Result, shown_W: Array, fitted: NDArray[np.bool_]) -> Model:
+    """The baseline with the effect that is there, fitted to some rows of those that a simulation ``near`` it has."""
     head = CATALOGUE[name].headline
 
     def model(value: float) -> Model:
         return Model.baseline().with_effect(name, **{head.name: value})
 
     def misfit(value: float) -> float:
-        left = (simulate(model(value), points)["P1_W"] - shown_W)[fitted]
+        (there,) = simulate_many([model(value)], near.points, near)
+        left = (there["P1_W"] - shown_W)[fitted]
         return float(np.nansum(left**2))
 
     reach = 5 * head.prior
@@ -70,26 +71,28 @@ def true_model(name: str, points: Points, shown_W: Array, fitted: NDArray[np.boo
 def ask_extended(trial: BlindTrial) -> dict[str, Any]:
     """Diagnose without the band, and judge every model in it; errors are mean, absolute, of efficiency."""
     lab = laboratory(trial)
-    table = survey(lab, trial.plan, seed=trial.seed)
-    truth = survey(lab.without_noise(), trial.plan, seed=trial.seed)
+    settled = settle(lab, trial.plan)
+    table = survey(lab, trial.plan, seed=trial.seed, settled=settled)
+    truth = survey(lab.without_noise(), trial.plan, seed=trial.seed, settled=settled)
     rows = table["kind"].isin(("load", "reference")).to_numpy()
     kept = np.zeros(len(table), dtype=bool)
     kept[rows] = kept_band(table[rows], trial.seed)
     points, shown_W = points_of(table[rows]), table.loc[rows, "P1_W"].to_numpy()
     diagnosis = diagnose(load_measurements(table[~kept]))
-    name = trial.names[0]
+    name, near = trial.names[0], reference(Model.baseline(), points)
     models = {
         "baseline": Model.baseline(),
         "extended": diagnosis.extended,
-        "true": true_model(name, points, shown_W, ~kept[rows]),
+        "true": true_model(name, near, shown_W, ~kept[rows]),
     }
     wanted = truth.loc[rows, "efficiency"].to_numpy()[kept[rows]]
-    simulated = {key: simulate(model, points)["efficiency"][kept[rows]] for key, model in models.items()}
+    found = simulate_many(list(models.values()), points, near)
+    simulated = {key: there["efficiency"][kept[rows]] for key, there in zip(models, found, strict=True)}
     known = np.all(np.isfinite(list(simulated.values())), axis=0)
     errors = {key: float(np.mean(np.abs(eta - wanted)[known])) for key, eta in simulated.items()}
     return {
         "errors": errors,
-        "verdict": diagnosis.as_plain()["verdict"],
+        "verdict": diagnosis.verdict.kind,
         "extended": list(diagnosis.extended.effects),
     }
 

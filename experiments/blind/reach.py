@@ -61,8 +61,9 @@ def hideable() -> list[str]:
     return [name for name in CATALOGUE if name in HIDDEN]
 
 
+@lru_cache(maxsize=16)
 def design(seed: int, points: int = POINTS) -> Schedule:
-    """The set points of a design, in random order with a reference every eight."""
+    """The set points of a design, in random order with a reference every eight: one object for all who ask."""
     D1, D2, power_W = random_set_points(points, np.random.default_rng([seed, 10])).T
     return schedule(D1, D2, power_W, reference_every=REFERENCE_EVERY)
 

@@ -121,7 +121,7 @@ def ask_surrogates(trial: BlindTrial) -> dict[str, Any]:
             "error": errors,
             "bound": _linear(size).bound(trial.names[0]),
             "regret": regret(diagnosis.calibrated.vouched(), truth, best.predicted),
-            "verdict": diagnosis.as_plain()["verdict"],
+            "verdict": diagnosis.verdict.kind,
         }
     return record
 
