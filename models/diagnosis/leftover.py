@@ -3,8 +3,9 @@ r"""What nobody has thought of: a smooth loss, or a smooth error, at one place o
 A leftover is a Gaussian process over (D1, D2, power) in watts at a location, shown to every channel as watts lost
 there would be; temperatures follow by amounts of their own. It is written as :math:`F F^T` with few columns: levels
 (always, with the bridges on, under load), straight trends, and the leading eigenvectors of a squared-exponential kernel
-at the measured set points. Which location and how many watts it has is not known, so every configuration is a
-rival of its own.
+at the measured set points. Some losses change faster than that, but go by one quantity alone: the heatsink's measured
+temperature (a contact, a leakage current), or the power (a controller that changes its ways). Which location and how
+many watts it has is not known, so every configuration is a rival of its own.
 """
 
 from collections.abc import Collection, Iterable
@@ -38,9 +39,14 @@ _LOCATIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "output": ((*_POWERS, "D0", "I_L_rms_A"), ("T_heatsink_C",)),
     "timing": ((), ("D0", "I_L_rms_A")),
+    "ac elements": ((), ("P_link1_W", "P_link2_W")),
     "everywhere": ((), (*_POWERS, "D0", "I_L_rms_A", *_TEMPERATURES)),
 }
+_LIKE_OUTPUT = {
+    "ac link, in series": ("D0", "I_L_rms_A")
+}  # that follow a watt as they follow one at the output
 IN_TIME, GAIN_IN_TIME = "over time", "gain over time"
+_LENGTH_OF_HEAT, _LENGTH_OF_POWER = 0.3, 0.08  # of the range of the one quantity that a loss goes by
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +114,7 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
     """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves."""
     row, power_W = observations.row, np.asarray(observations.points.power_W)
     used, place = np.unique(row, return_inverse=True)
-    where, time_s = locations(observations)[used], np.asarray(observations.points.time_s)[used]
+    where = locations(observations)[used]
     present = {c.name for c in observations.channels}
     watt = np.array([c.watt for c in observations.channels])[observations.channel]
     powers = np.any([observations.of(name) for name in _POWERS], axis=0)
@@ -129,18 +135,60 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
         parts += [basis.part((c,), watt) for c in own]
         found.append((name, np.concatenate(parts), AMPLITUDES_W))
         found.append((f"{name}, straight", np.concatenate([p[: len(straight)] for p in parts]), _STRAIGHT_W))
-    if np.ptp(time_s) > 0.0 and "efficiency" in present:
-        slow, quick = (
-            time_s / (np.ptp(time_s) * _LENGTH_OF_TIME),
-            time_s / (np.median(np.diff(time_s)) * _NEIGHBOURS),
-        )
-        later = [_TREND * _levels(observations, used), trends(slow[:, None]), smooth_maps(slow[:, None])]
-        found.append((IN_TIME, basis.add("efficiency", watt, np.concatenate(later)[:, place]), AMPLITUDES_W))
+    if "efficiency" in present:
         gain = power_W[row] / np.sqrt(np.mean(power_W[row] ** 2))
-        found.append(
-            (GAIN_IN_TIME, basis.add("efficiency", gain, smooth_maps(quick[:, None])[:, place]), AMPLITUDES_W)
-        )
+        for name, maps in _over_time(observations, used):
+            scale = gain if name == GAIN_IN_TIME else watt
+            found.append((name, basis.add(("efficiency",), scale, maps[:, place]), AMPLITUDES_W))
+    for said, maps in _by_one_quantity(observations, used):
+        for name, channels in _together(present).items():
+            follows = np.any([observations.of(c) for c in _LIKE_OUTPUT.get(name, ())], axis=0)
+            scale = at_output if name == "output" else np.where(follows, per_watt, watt)
+            found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), _STRAIGHT_W))
     return basis.leftovers(found)
+
+
+def _over_time(observations: Observations, used: NDArray[np.intp]) -> Iterable[tuple[str, Array]]:
+    """Maps (r, N) over time: of what drifts, and of a gain that wanders; none where no time was noted."""
+    time_s = np.asarray(observations.points.time_s)[used][:, None]
+    if np.ptp(time_s) > 0.0:
+        slow = time_s / (np.ptp(time_s) * _LENGTH_OF_TIME)
+        yield (
+            IN_TIME,
+            np.concatenate([_TREND * _levels(observations, used), trends(slow), smooth_maps(slow)]),
+        )
+        yield GAIN_IN_TIME, smooth_maps(time_s / (np.median(np.diff(time_s[:, 0])) * _NEIGHBOURS))
+
+
+def _together(present: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """The places at which channels follow a watt together, each set of channels at one place."""
+    found: dict[tuple[str, ...], str] = {}
+    for name, (together, _) in _LOCATIONS.items():
+        channels = tuple(c for c in (*together, *_LIKE_OUTPUT.get(name, ())) if c in present)
+        if channels:
+            found.setdefault(channels, name)
+    return {name: channels for channels, name in found.items()}
+
+
+def _by_one_quantity(observations: Observations, used: NDArray[np.intp]) -> Iterable[tuple[str, Array]]:
+    """Maps (r, N) that change over one quantity alone, each with what it says of the place."""
+    frame, p = observations.frame.iloc[used], observations.points.take(used)
+    yield "by power", _over(np.asarray(p.power_W), np.asarray(p.pwm) + 0.0, _LENGTH_OF_POWER)
+    present = {c.name for c in observations.channels}
+    if "T_heatsink_C" in present:
+        current = frame["I_L_rms_A"] if "I_L_rms_A" in present else frame["P2_W"]
+        heat, load = frame["T_heatsink_C"].to_numpy(dtype=float), current.to_numpy(dtype=float) ** 2
+        weight = np.where(np.isfinite(heat) & np.isfinite(load), load, 0.0)
+        if np.any(weight):
+            yield "by temperature", _over(heat, weight, _LENGTH_OF_HEAT)
+
+
+def _over(quantity: Array, weight: Array, length: float) -> Array:
+    """A level and smooth maps over one quantity (N,), lengths a share of its range, times a weight (N,), (r, N)."""
+    apart = np.where(weight > 0.0, quantity - np.mean(quantity[weight > 0.0]), 0.0)
+    place = apart / (length * float(np.ptp(apart)) or 1.0)
+    scaled = weight / np.sqrt(np.mean(weight**2))
+    return np.asarray(np.concatenate([np.ones((1, place.size)), smooth_maps(place[:, None])]) * scaled)
 
 
 def _levels(observations: Observations, used: NDArray[np.intp]) -> Array:
@@ -157,10 +205,11 @@ class _Basis:
         self._blocks: list[Array] = []
         self._known: dict[tuple[str, ...], NDArray[np.intp]] = {}
 
-    def add(self, channel: str, scale: Array, over: Array) -> NDArray[np.intp]:
-        """Columns of other maps (r, M) that one channel follows."""
+    def add(self, channels: tuple[str, ...], scale: Array, over: Array) -> NDArray[np.intp]:
+        """Columns of other maps (r, M) that these channels follow together."""
+        of = np.any([self._observations.of(name) for name in channels], axis=0)
         size = sum(len(block) for block in self._blocks)
-        self._blocks.append(over * np.where(self._observations.of(channel), scale, 0.0))
+        self._blocks.append(over * np.where(of, scale, 0.0))
         return np.arange(size, size + len(over))
 
     def part(self, channels: tuple[str, ...], scale: Array) -> NDArray[np.intp]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit, Term
+from models.diagnosis.leftover import GAIN_IN_TIME
 from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
@@ -28,7 +29,9 @@ _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (
 )  # times the leftover's length; a threshold catches what is not smooth
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
 _LIKELY = 0.5  # probability from which a leftover, or a threshold that is no cause, has to be reckoned with
-_FAINT = 11.0  # sigmas of a leftover that the model's own shortcomings have on any bench
+# sigmas of a leftover that the model's own shortcomings have on any bench; beside a cause, whose law misses a little
+# too, and of a gain that wanders in any room
+_FAINT, _FAINT_BESIDE, _FAINT_GAIN = 5.0, 11.0, 11.0
 _POSSIBLE = 0.01  # probability from which what the design does not tell from a sure cause is stated beside it
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
@@ -85,6 +88,12 @@ def _is_ordinary(hypothesis: Hypothesis, faint: bool) -> bool:
     """Whether it holds nothing that an ordinary bench has not; a ``faint`` leftover is that."""
     everyday = not any(t.beyond_everyday for t in hypothesis.fit.terms)
     return everyday and (faint or hypothesis.leftover is None)
+
+
+def _is_faint(hypotheses: Sequence[Hypothesis], length: float) -> bool:
+    """Whether a leftover of this length, at its most probable place, is one that any bench has."""
+    place = next((h.leftover.location for h in hypotheses if h.leftover is not None), "")
+    return length < (_FAINT_GAIN if place == GAIN_IN_TIME else _FAINT)
 
 
 def _above(term: Term) -> float:
@@ -181,7 +190,7 @@ def judge(
     """
     fits, alike = misfit <= _UNEXPLAINED, agreement > BY_CHANCE
     bare = [h for h in hypotheses if not h.fit.terms]
-    faint = leftover < _FAINT
+    faint = _is_faint(hypotheses, leftover)
     ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beside = sum(h.probability for h in hypotheses if h.leftover is not None)
@@ -204,7 +213,7 @@ def judge(
     if kind == "unknown":  # whatever stands in the way of a name
         beyond = sum(h.probability for h in hypotheses if h.leftover is not None or _has_caught(h.fit))
     else:
-        beyond = 0.0 if faint else beside
+        beyond = 0.0 if faint or (groups and leftover < _FAINT_BESIDE) else beside
     return Verdict(
         kind=kind,
         causes=tuple(_with_ties(c, tied) for c in causes if c.probability >= _WORTH_A_WORD),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.leftover import leftovers, smooth_maps
+from models.diagnosis.leftover import smooth_maps
 from models.diagnosis.noise import corrected, estimate_noise
 from models.diagnosis.sight import SEEN, sight
 from models.diagnosis.signatures import Signature
@@ -63,11 +63,3 @@ def test_leading_maps_hold_nearly_all_of_a_smooth_kernel() -> None:
     maps = smooth_maps(place)
     assert len(maps) < READINGS
     assert np.mean(np.sum(maps**2, axis=0)) == pytest.approx(1.0, abs=0.02)  # of which 98 % are asked for
-
-
-def test_a_leftover_sits_only_where_a_channel_shows_it() -> None:
-    observations = loads(np.linspace(300.0, 1500.0, READINGS))
-    rivals = leftovers(observations, np.ones(READINGS))
-    places = {c.location for c in rivals.configurations}
-    # with the input power alone the others are the same, or nothing
-    assert places == {"input", "input, straight", "over time", "gain over time"}
