@@ -177,11 +177,8 @@ def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
     tried = [*map(_tangent, lines, curves, sigmas), *scans, *(refinery.simulated(starts) if starts else [])]
     once = _best([*tried, *_about(refinery, nothing, known)])
     leader = max(nothing.log_evidence, once[0].log_evidence)
-    chosen = [
-        fit
-        for k, fit in enumerate(once)
-        if fit.log_evidence > hopeless(leader) and (k < _FOLLOWED or _significant(refinery, fit))
-    ]
+    near = [fit for fit in once if fit.log_evidence > hopeless(leader)]
+    chosen = [*near[:_FOLLOWED], *_significant(refinery, near[_FOLLOWED:])]
     names = {fit.effects for fit in chosen}
     if abs(nothing.log_evidence - straight) > _AS_PROMISED:
         nothing, *followed = refinery.followed([nothing, *chosen], leader)
@@ -267,10 +264,14 @@ def _sorted(fits: Iterable[Fit]) -> list[Fit]:
     return sorted(fits, key=lambda f: -f.log_evidence)
 
 
-def _significant(refinery: Refinery, fit: Fit) -> bool:
-    """Whether the value is off by more than its own uncertainty could be, everyday spread included."""
-    (term,), (sigma,) = fit.terms, refinery.weighed(fit).sigma
-    return abs(term.distance) > _SIGNIFICANT * float(np.hypot(sigma, term.head.tolerance))
+def _significant(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
+    """Those whose value is off by more than its own uncertainty could be, everyday spread included."""
+    found = []
+    for fit, weighed in zip(fits, refinery.weighed_all(fits), strict=True):
+        (term,), (sigma,) = fit.terms, weighed.sigma
+        if abs(term.distance) > _SIGNIFICANT * float(np.hypot(sigma, term.head.tolerance)):
+            found.append(fit)
+    return found
 
 
 def _secants(nothing: Fit, scans: Iterable[Fit]) -> list[Term]:
@@ -341,7 +342,7 @@ def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) 
     """The best fits with some terms more than a simulated one, on straight lines from its state."""
     sets = [chosen for chosen in more if _are_new(chosen, base)]
     terms = {id(t): t for chosen in sets for t in chosen}
-    place = {key: k for k, key in enumerate(terms)}
+    place, off = {key: k for k, key in enumerate(terms)}, {key: t.at(t.head.off) for key, t in terms.items()}
     *slopes, left = base.vectors(refinery.residual)
     vectors = np.stack([*slopes, *(t.slope for t in terms.values()), left])
     seen = refinery.geometry.project(vectors, basis=False).with_directions(vectors, refinery.law(base))
@@ -349,8 +350,7 @@ def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) 
     found = []
     for chosen in sets:
         part = seen.of([*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends])
-        off = (replace(t, value=t.head.off) for t in chosen)
-        fit = replace(base, terms=(*base.terms, *off))
+        fit = replace(base, terms=(*base.terms, *(off[id(t)] for t in chosen)))
         found.append((fit, part))
     if not found:
         return []

@@ -78,11 +78,15 @@ class Directions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Admitted:
-    """A leftover let in: the root of I + F^T C^-1 F, the spreads seen through it, and its log-determinant."""
+    """A leftover let in: the root of I + F^T C^-1 F, the spreads (K) seen by F, and its log-determinant."""
 
     root: Array
-    spreads: Array
+    on_spreads: Array
     log_det: float
+
+    def through(self, spreads: Rows) -> Array:
+        """Some of the spreads seen through it."""
+        return root_solved(self.root, self.on_spreads[:, spreads])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +192,7 @@ class Geometry:
                 let_in = self.admitted[leftover.key]
                 if at[0] is not leftover.columns:
                     at = leftover.columns, on_basis[leftover.columns]
-                on, through = root_solved(let_in.root, leftover.amplitude_W * at[1]), let_in.spreads[:, named]
+                on, through = root_solved(let_in.root, leftover.amplitude_W * at[1]), let_in.through(named)
                 outer, between = outer - through.T @ on, between - through.T @ through
                 log_det[k] = let_in.log_det
             for p, o, (inner, outside, inside), (a, b) in zip(
@@ -196,7 +200,9 @@ class Geometry:
             ):
                 inner[k] = p.each_other - on[:, a:b].T @ on[:, a:b]
                 outside[k], inside[k] = outer[o, a:b], between[o[:, None], o]
-        return [_taken_out(*parts, log_det) for parts in found]
+        return (
+            [_taken_out(*parts, log_det) for parts in found] if len(leftovers) > 1 else _once(found, log_det)
+        )
 
     def solve(self, vectors: Array, own: Rows, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of vectors (k, M), without the spreads ``own``, with a leftover."""
@@ -210,7 +216,8 @@ class Geometry:
             on = root_solved(let_in.root, columns @ solved.T)
             back = root_solved(let_in.root, on, transposed=True)
             solved = solved - self.whitener.solve(columns.T @ back).T
-            between = between - let_in.spreads[:, own].T @ let_in.spreads[:, own]
+            through = let_in.through(own)
+            between = between - through.T @ through
         solved, spreads = solved[: len(vectors)], solved[len(vectors) :]
         if own.size:
             inner = np.eye(own.size) - between
@@ -219,15 +226,30 @@ class Geometry:
 
 
 def _taken_out(inner: Array, outside: Array, inside: Array, log_det: Array) -> tuple[Array, Array]:
-    """Products (L, k, k) without spreads that are seen (L, o, k), with products (L, o, o) among each other."""
-    if not inside.shape[1]:
+    """Products (..., k, k) without spreads that are seen (..., o, k), with products (..., o, o) among each other."""
+    if not inside.shape[-1]:
         return inner, log_det
-    symmetric = 0.5 * (inside + np.swapaxes(inside, 1, 2))
-    remaining, vectors = np.linalg.eigh(np.eye(inside.shape[1]) - symmetric)
+    symmetric = 0.5 * (inside + np.swapaxes(inside, -1, -2))
+    remaining, vectors = np.linalg.eigh(np.eye(inside.shape[-1]) - symmetric)
     remaining = np.maximum(remaining, _LEAST_LEFT)
-    turned = np.swapaxes(vectors, 1, 2) @ outside
-    without = inner + np.swapaxes(turned, 1, 2) @ (turned / remaining[:, :, None])
-    return without, log_det + np.sum(np.log(remaining), axis=1)
+    turned = np.swapaxes(vectors, -1, -2) @ outside
+    without = inner + np.swapaxes(turned, -1, -2) @ (turned / remaining[..., None])
+    return without, log_det + np.sum(np.log(remaining), axis=-1)
+
+
+def _once(found: Sequence[tuple[Array, Array, Array]], log_det: Array) -> list[tuple[Array, Array]]:
+    """The same of many that are small (a call costs more than its arithmetic), those of one shape together."""
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for n, (_, outside, _) in enumerate(found):
+        alike.setdefault(outside.shape, []).append(n)
+    without = [(inner, log_det) for inner, _, _ in found]
+    for members in alike.values():
+        inner, outside, inside = (np.stack([found[n][part] for n in members]) for part in range(3))
+        log_dets = np.broadcast_to(log_det, (len(members), log_det.size))
+        products, log_dets = _taken_out(inner, outside, inside, log_dets)
+        for n, *pair in zip(members, products, log_dets, strict=True):
+            without[n] = pair[0], pair[1]
+    return without
 
 
 def _joined(vectors: Array, seen: Projection, beside: Sequence[Directions]) -> Projection:
@@ -265,5 +287,5 @@ def _admitted(leftover: Leftover, inner: Array, size: int) -> _Admitted:
     root = np.asarray(
         np.linalg.cholesky(np.eye(at.size) + scale**2 * inner[np.ix_(at, at)]), dtype=np.float64
     )
-    spreads = root_solved(root, scale * inner[at, :size])
-    return _Admitted(root=root, spreads=spreads, log_det=2 * float(np.sum(np.log(np.diag(root)))))
+    log_det = 2 * float(np.sum(np.log(np.diag(root))))
+    return _Admitted(root=root, on_spreads=scale * inner[at, :size], log_det=log_det)

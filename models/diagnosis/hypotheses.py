@@ -92,8 +92,11 @@ class Term:
 
     def moved(self, step: float) -> Self:
         """The value moved, at most to its bounds."""
-        value = float(np.clip(self.value + step, self.head.lower, self.head.upper))
-        return replace(self, value=value)
+        return self.at(min(max(self.value + step, self.head.lower), self.head.upper))
+
+    def at(self, value: float) -> Self:
+        """The same slope at another value; as ``replace``, in a third of its time."""
+        return type(self)(signature=self.signature, value=value, sigma=self.sigma, slope=self.slope)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +135,7 @@ class Fit:
 
     def own(self, known: Signatures) -> Rows:
         """Which spreads the effects take the place of."""
-        return np.unique(np.concatenate([np.empty(0, dtype=np.intp), *map(known.own_spreads, self.effects)]))
+        return known.own_spreads(*self.effects)
 
     def vectors(self, residual: Array) -> Array:
         """Slopes, then what is left of a residual, (k + 1, M)."""
@@ -140,7 +143,7 @@ class Fit:
 
     def moved(self, steps: Array) -> Self:
         """Every value moved along its slope."""
-        terms = tuple(t.moved(float(s)) for t, s in zip(self.terms, steps, strict=True))
+        terms = tuple(t.moved(s) for t, s in zip(self.terms, steps.tolist(), strict=True))
         change = sum((new.value - old.value) * old.slope for new, old in zip(terms, self.terms, strict=True))
         return replace(self, terms=terms, shift=self.shift + change)
 

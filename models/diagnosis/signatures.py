@@ -102,9 +102,9 @@ class Signatures:
         narrow = narrowed(self.inaccuracy, observations, doubt / self.doubt)
         return replace(self, inaccuracy=narrow, doubt=doubt)
 
-    def own_spreads(self, name: str) -> NDArray[np.intp]:
-        """Which directions are the everyday spread of the very parameters that an effect changes, (k,)."""
-        return _own_spreads(name, self.spread_names)
+    def own_spreads(self, *names: str) -> NDArray[np.intp]:
+        """Which directions are the everyday spread of the very parameters that effects change, (k,)."""
+        return _own_spreads(names, self.spread_names)
 
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
@@ -125,11 +125,12 @@ class Signatures:
         )
 
 
-@lru_cache(maxsize=1000)
-def _own_spreads(name: str, spread_names: tuple[str, ...]) -> NDArray[np.intp]:
-    entry = CATALOGUE[name]
-    paths = entry.paths if isinstance(entry, ParameterEffect) else ()
-    found = np.flatnonzero(np.isin(spread_names, (name, *paths)))
+@lru_cache(maxsize=10_000)
+def _own_spreads(names: tuple[str, ...], spread_names: tuple[str, ...]) -> NDArray[np.intp]:
+    entries = map(CATALOGUE.__getitem__, names)
+    paths = [path for e in entries if isinstance(e, ParameterEffect) for path in e.paths]
+    own = {*names, *paths}
+    found = np.array([k for k, name in enumerate(spread_names) if name in own], dtype=np.intp)
     found.setflags(write=False)
     return found
 
