@@ -4,7 +4,8 @@ A choice is a pure function of the accepted rows, the plan so far, the settings 
 which died between choosing and setting chooses the same again. It goes, in this order, by
 
 1. the question between the explanations that the diagnosis has left: rows that tell them apart, best per minute;
-2. the surrogate: rows where its efficiency is uncertain near the optimum.
+2. the optimum: rows on those hills of a load that may be the highest;
+3. the surrogate: rows where its efficiency is uncertain near the optimum.
 
 It ends with the budget, or when what is stated is sure, nothing that is left to do here would tell more, and the
 optimum is known well enough. What somebody has to come for (another wiring, four wires, a warmer room) is told, never
@@ -19,10 +20,12 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from bench.config import AdaptiveConfig, BenchConfig, CampaignConfig
-from bench.plan import Box, Kind, PlannedPoint, candidates_of
-from bench.prediction import FloatArray, Predictor, model_of
+from bench.plan import AMBIENT_C, Box, Kind, PlannedPoint, candidates_of
+from bench.prediction import Asked, FloatArray, Predictor, model_of
+from bench.within import Within
 from models.screening import LOADED_KINDS
 
 if TYPE_CHECKING:
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
 _WORTH_A_BUDGET = 2.0  # sigmas that all rows left have to tell together, to go on when a verdict is settled
 _WORTH_ANYTHING = 0.05  # sigmas that a row has to tell while none is
 _MOST_ASKED = 80  # candidates of which every explanation is asked what it expects
+_LOADS = 19  # at which the optimum is looked for: every 100 W of 200 to 2000
 _LOADED_MIN, _UNLOADED_MIN = 4.0, 1.5  # bench minutes of a row, before any was measured
 
 
@@ -61,16 +65,18 @@ def chooser(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, *,
     if campaign.plan.adaptive is None:
         return None
     candidates, _, _ = candidates_of(campaign, bench, predict, file)
-    return Adaptive(campaign=campaign, bench=bench, candidates=candidates)
+    within = Within(predict, bench, campaign.plan.heat_margin)
+    return Adaptive(campaign=campaign, bench=bench, candidates=candidates, within=within)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adaptive:
-    """Chooses among ``candidates`` (N, 3) of D1, D2 and power in W."""
+    """Chooses among ``candidates`` (N, 3) of D1, D2 and power in W, and tops of hills that are ``within`` limits."""
 
     campaign: CampaignConfig
     bench: BenchConfig
     candidates: Box
+    within: Predictor
 
     def __call__(self, table: pd.DataFrame, planned: Sequence[PlannedPoint]) -> Choice:
         """As ``Chooses``."""
@@ -127,7 +133,7 @@ class Adaptive:
     def _informed(
         self, found: "Diagnosis", allowed: Box, so_far: "_SoFar", left: int
     ) -> tuple[Iterator[PlannedPoint], list[str]]:
-        """What the diagnosis asks for; where it asks for nothing, what the surrogate does."""
+        """What the diagnosis asks for; where it asks for nothing, what the optimum does, then the surrogate."""
         from models.diagnosis.bench_options import Allowed
         from models.near_optimum import least_known
 
@@ -146,12 +152,37 @@ class Adaptive:
         if doable:
             return (self._step(step) for step in doable for _ in range(step.repeats)), [stated]
         said = [stated, *(f"for somebody at the bench: {s.action}" for s in found.next if s.by_hand)]
+        if undecided := self._undecided(found, so_far):
+            return iter(undecided), said
         unsure = least_known(found.calibrated, allowed, settings.at_once)
         if unsure.sigma <= settings.optimum and settled:
             known = f"the optimum is known to {100 * unsure.sigma:.3f} points"
             return iter(()), [*said, f"enough: nothing that is left to do here would tell more, and {known}"]
         why = f"efficiency near the optimum is uncertain, up to {100 * unsure.sigma:.3f} points"
         return (_load(allowed[k], why) for k in unsure.chosen), said
+
+    def _undecided(self, found: "Diagnosis", so_far: "_SoFar") -> list[PlannedPoint]:
+        """Tops of hills that may be the highest of their load; none where what that costs is little."""
+        from models.rival_hills import RivalHills
+
+        rivals = RivalHills.of(found.calibrated, np.linspace(*self.campaign.ranges.power_W, _LOADS))
+        lost = float(np.max(rivals.lost(), initial=0.0))
+        if lost <= self._settings.lost:
+            return []
+        why = (
+            f"another hill may be the highest of its load: {100 * lost:.4f} points lost on average, at worst"
+        )
+        settable = self._settable(rivals.place, so_far)
+        return [_load(rivals.place[k], why) for k, _ in rivals.worth_most(self._settings.at_once, settable)]
+
+    def _settable(self, place: Box, so_far: "_SoFar") -> NDArray[np.bool_]:
+        """Which set points (K, 3) are in the campaign's ranges and the bench's limits, and were not refused."""
+        box = self.campaign.ranges
+        low, high = np.array([box.D1, box.D2, box.power_W]).T
+        D1, D2, power_W = place.T
+        runs = self.within(Asked(D1=D1, D2=D2, power_W=power_W, ambient_C=AMBIENT_C)).feasible
+        tried = np.array([row in so_far.refused for row in map(tuple, place.tolist())], dtype=bool)
+        return np.asarray(runs & ~tried & np.all((place >= low) & (place <= high), axis=1))
 
     def _step(self, step: "NextMeasurement") -> PlannedPoint:
         """A step of the diagnosis as a row, with the question that it answers."""

@@ -206,6 +206,9 @@ class AdaptiveConfig(Section):
     optimum: Positive = Field(
         default=5e-4, description="standard uncertainty of efficiency near the optimum, to end with"
     )
+    lost: Positive = Field(
+        default=5e-5, description="efficiency lost on average where another hill is the best one, to end with"
+    )
 
 
 _PLAN_KEYS = {

@@ -22,13 +22,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from models.diagnosis.covariance import kernel
 from models.diagnosis.whitener import Whitener
+from models.feasibility import LONGER
 from models.surrogate import EfficiencyModel, StagedModel
 from sim.model import Model
+from sim.modulation import infeasible_pulse
 from sim.operating_points import Points
 from sim.simulate import can_run, each_can_run, simulate, simulate_many
 
 Array = NDArray[np.float64]
 
+_NEARER = 3.0  # as in the covariance of readings
 _SURE = 2.0  # standard deviations of the most that can be carried
 _LIMIT = 2e-3  # Assumption: of it, how well the simulator itself knows it
 _COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
@@ -40,9 +43,10 @@ _STRIDE = 15
 class Leftover:
     """A correction of the input power in W from residuals at measured points: smooth, and an analyzer's errors.
 
-    A Gaussian process with covariance ``smooth_W^2 k(x, x') + offset_W^2 + gain^2 P P' + drift^2 k(t, t') L L'``;
-    ``place`` (N, 5) holds the measured D1, D2, power P, time t and the loss L that the model has there, ``length`` (4,)
-    how far the first four are smooth over, ``noise_W`` (N,) the readings' noise, and ``weight`` (N,) the fit.
+    A Gaussian process with covariance ``smooth_W^2 k(x, x') + rough_W^2 k(3 x, 3 x') + offset_W^2 + gain^2 P P' +
+    drift^2 k(t, t') L L'``; ``place`` (N, 5) holds the measured D1, D2, power P, time t and the loss L that the model
+    has there, ``length`` (4,) how far the first four are smooth over, ``noise_W`` (N,) the readings' noise, and
+    ``weight`` (N,) the fit. What is rough are the laws of edges, which change over a third of the way.
     """
 
     place: Array
@@ -50,6 +54,7 @@ class Leftover:
     noise_W: Array
     length: Array
     smooth_W: float = 0.1
+    rough_W: float = 0.03
     offset_W: float = 0.6
     gain: float = 4e-4
     drift: float = 0.0
@@ -58,9 +63,10 @@ class Leftover:
         """Prior covariance of the correction at (N, 5) and (K, 5), in W^2."""
         a_, b_ = a[:, :4] / self.length, b[:, :4] / self.length
         smooth = self.smooth_W**2 * kernel(a_[:, :3], b_[:, :3])
+        rough = self.rough_W**2 * kernel(_NEARER * a_[:, :3], _NEARER * b_[:, :3])
         analyzer = self.offset_W**2 + self.gain**2 * a[:, 2:3] * b[:, 2]
         in_time = self.drift**2 * kernel(a_[:, 3:], b_[:, 3:]) * a[:, 4:] * b[:, 4]
-        return np.asarray(smooth + analyzer + in_time)
+        return np.asarray(smooth + rough + analyzer + in_time)
 
     def fitted(self, residual_W: Array, sigma_W: Array) -> Self:
         """The process given residuals and their noise, (N,)."""
@@ -119,7 +125,7 @@ class CalibratedPhysics:
         return np.asarray(per_watt[:, None] * watts * per_watt)
 
     def vouched(self) -> "Vouched":
-        """The same model, without the points of which it is not sure that they carry their power."""
+        """The same model, without the points of which it is not sure that they can be made and carry their power."""
         return Vouched(of=self, spare=_SURE * self._limit_sigma())
 
     def _limit_sigma(self) -> float:
@@ -153,20 +159,26 @@ class CalibratedPhysics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vouched:
-    """A calibrated model that predicts only where it could carry a ``spare`` share of the power more."""
+    """A calibrated model that predicts only where it could carry a ``spare`` share of the power more.
+
+    Nor does it where a slightly longer dead time would swallow a pulse or a zero state.
+    """
 
     of: CalibratedPhysics
     spare: float
 
     def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
-        """As that of the calibrated model; NaN too where there is not that much to spare."""
+        """As that of the calibrated model; NaN too where there is not that much to spare, of power or of time."""
         efficiency = self.of.predict(D1, D2, power_W)
         carried = np.flatnonzero(np.isfinite(efficiency))
         place = np.stack(
             [np.broadcast_to(x, efficiency.shape).ravel()[carried] for x in (D1, D2, power_W)], axis=1
         )
         place[:, 2] *= 1 + self.spare
-        runs = can_run(self.of.model, self.of._points(place))
+        converter = self.of.model.altered_converter()
+        dead = LONGER * converter.dead_time_s / converter.half_period_s
+        runs = infeasible_pulse(place[:, 0], place[:, 1], dead) == ""
+        runs[runs] = can_run(self.of.model, self.of._points(place[runs]))
         efficiency.ravel()[carried[~runs]] = np.nan
         return efficiency
 

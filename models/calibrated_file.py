@@ -60,6 +60,7 @@ def read_calibrated(text: str) -> CalibratedPhysics:
 
 
 def _leftover(plain: Mapping[str, Any]) -> Leftover:
+    plain = {"rough_W": 0.0, **plain}  # files from before there was one
     values = {f.name: np.asarray(plain[f.name], dtype=np.float64) for f in fields(Leftover)}
     rows = values["weight"].size
     wanted = {"place": (rows, 5), "weight": (rows,), "noise_W": (rows,), "length": (4,)}

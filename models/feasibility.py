@@ -25,6 +25,7 @@ Bools = NDArray[np.bool_]
 Feasible = Callable[[Floats, Floats, Floats], Bools]
 """Whether D1, D2, power_W, all (N,), can be reached: (N,) of bool."""
 
+LONGER = 1.1  # Assumption: a real dead time is at most a tenth longer than the nominal one
 LATTICE = 50  # rectangles per axis: steps of 0.02, about half the step of the 25-point simulation grid
 
 

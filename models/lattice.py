@@ -3,8 +3,11 @@
 The simulator as a model costs a solution per point, so a swarm that asks for a few hundred at a time is slow; one
 large lattice in one call and small ones around the best hills of each load are fast. Which hill is the highest shows
 only near its top: at light load some narrow ones, where an edge just switches softly, lie within hundredths of a
-point of each other.
+point of each other. One that is too narrow for the nodes at one load is found at the next: loads side by side have
+optima side by side, so each is offered the tops of its neighbours.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +17,27 @@ from models.optimise import OptimumTable
 from models.surrogate import EfficiencyModel
 
 _FIRST = 26  # nodes along D1 and along D2: steps of 0.04
-_HILLS = (12, 12, 6, 6)  # of each load that are climbed, round by round: a narrow one is low at first
+_HILLS = (12, 12, 10, 10)  # of each load that are climbed, round by round: a narrow one is low at first
+_HIGHEST = 6  # of them; the others lie apart, so that one long ridge does not take all places
+_OFFERED = (0, 3, 2, 0)  # of the best tops of either neighbour in load, whose optimum is seldom far
+_SAME, _APART = 0.03, 0.08  # in D1 and D2: tops nearer to each other are one top, or on one ridge
 _AROUND = np.linspace(-1.0, 1.0, 5)
 _NARROWER = 0.4
 
 
-def optimise_on_lattice(model: EfficiencyModel, loads_W: Floats) -> OptimumTable:
-    """D1 and D2 of the highest predicted efficiency at each load (L,); NaN where nothing carries it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hills:
+    """The tops of the best hills of each load, all (L, hills), in no order; -inf where there is none."""
 
-    ``regret`` is NaN: there is no exact optimum to compare with. The model's own NaN marks what cannot run.
+    efficiency: Floats
+    D1: Floats
+    D2: Floats
+
+
+def hills_on_lattice(model: EfficiencyModel, loads_W: Floats) -> Hills:
+    """The best hills of the predicted efficiency at each load (L,); some may be the same one.
+
+    The model's own NaN marks what cannot run.
     """
     loads = np.asarray(loads_W, dtype=np.float64)
     nodes = np.linspace(0.0, 1.0, _FIRST)
@@ -31,31 +46,62 @@ def optimise_on_lattice(model: EfficiencyModel, loads_W: Floats) -> OptimumTable
     tops = _tops(value.reshape(loads.size, _FIRST, _FIRST))  # (L, hills)
     best, first, second = np.take_along_axis(value, tops, axis=1), D1[tops], D2[tops]
     near = np.stack(np.meshgrid(_AROUND, _AROUND, indexing="ij")).reshape(2, -1)
-    step = nodes[1]
-    for hills in _HILLS:
-        kept = np.argsort(-best, axis=1, kind="stable")[:, :hills]
+    step, by_power = nodes[1], np.argsort(loads, kind="stable")
+    for hills, offered in zip(_HILLS, _OFFERED, strict=True):
+        kept = _ranked(best, first, second)[:, :hills]
         best, first, second = (np.take_along_axis(a, kept, axis=1) for a in (best, first, second))
+        first, second = (_with_neighbours(a, by_power, offered) for a in (first, second))
+        best = np.pad(best, ((0, 0), (0, 2 * offered)), constant_values=-np.inf)
         x = np.clip(first[:, :, None] + step * near[0], 0.0, 1.0)
         y = np.clip(second[:, :, None] + step * near[1], 0.0, 1.0)
-        found = _values(model, np.repeat(loads, hills), *(a.reshape(-1, near[0].size) for a in (x, y)))
+        each = np.repeat(loads, first.shape[1])
+        found = _values(model, each, *(a.reshape(-1, near[0].size) for a in (x, y)))
         found = _beside(best, found.reshape(x.shape))
         k = np.argmax(found, axis=2)[:, :, None]
         best, first, second = (
             np.take_along_axis(a, k, axis=2)[:, :, 0] for a in (found, _beside(first, x), _beside(second, y))
         )
         step *= _NARROWER
-    highest = np.arange(loads.size), np.argmax(best, axis=1)
-    reached = np.isfinite(best[highest])
+    return Hills(efficiency=best, D1=first, D2=second)
+
+
+def optimise_on_lattice(model: EfficiencyModel, loads_W: Floats) -> OptimumTable:
+    """D1 and D2 of the highest predicted efficiency at each load (L,); NaN where nothing carries it.
+
+    ``regret`` is NaN: there is no exact optimum to compare with. The model's own NaN marks what cannot run.
+    """
+    loads = np.asarray(loads_W, dtype=np.float64)
+    hills = hills_on_lattice(model, loads)
+    highest = np.arange(loads.size), np.argmax(hills.efficiency, axis=1)
+    reached = np.isfinite(hills.efficiency[highest])
     return OptimumTable(
         power_W=loads,
-        D1=np.where(reached, first[highest], np.nan),
-        D2=np.where(reached, second[highest], np.nan),
-        predicted=np.where(reached, best[highest], np.nan),
+        D1=np.where(reached, hills.D1[highest], np.nan),
+        D2=np.where(reached, hills.D2[highest], np.nan),
+        predicted=np.where(reached, hills.efficiency[highest], np.nan),
         regret=np.full(loads.size, np.nan),
         confirmed=reached,
         optimiser="lattice, refined",
-        evaluations=_FIRST**2 + sum(_HILLS) * _AROUND.size**2,
+        evaluations=_FIRST**2 + (sum(_HILLS) + 2 * sum(_OFFERED)) * _AROUND.size**2,
     )
+
+
+def _ranked(value: Floats, D1: Floats, D2: Floats) -> NDArray[np.intp]:
+    """The order (L, hills) in which tops are kept: some from the highest on, then those apart from higher ones."""
+    order = np.argsort(-value, axis=1, kind="stable")
+    x, y = (np.take_along_axis(a, order, axis=1) for a in (D1, D2))
+    distance = np.maximum(np.abs(x[:, :, None] - x[:, None]), np.abs(y[:, :, None] - y[:, None]))
+    again, on_a_ridge = (np.any(np.tril(distance < near, k=-1), axis=2) for near in (_SAME, _APART))
+    place = np.argsort(np.argsort(again, axis=1, kind="stable"), axis=1)
+    later = np.argsort(np.where(place < _HIGHEST, -1, on_a_ridge), axis=1, kind="stable")
+    return np.take_along_axis(order, later, axis=1)
+
+
+def _with_neighbours(tops: Floats, by_power: NDArray[np.intp], count: int) -> Floats:
+    """Tops (L, hills), then the first of those of the load below and of the load above, (L, hills + 2 count)."""
+    place, last = np.argsort(by_power), by_power.size - 1
+    below, above = (by_power[np.clip(place + step, 0, last)] for step in (-1, 1))
+    return np.concatenate([tops, tops[below, :count], tops[above, :count]], axis=1)
 
 
 def _beside(one: Floats, more: Floats) -> Floats:

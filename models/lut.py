@@ -25,7 +25,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from models.boosting import Floats
-from models.feasibility import Bools
+from models.feasibility import LONGER, Bools
 from models.optimise import OptimumTable
 from models.surrogate import EfficiencyModel
 from sim.model import Model
@@ -38,7 +38,6 @@ TRIED = np.array([0.25, 0.5, 0.75])  # of a line, while rows are chosen
 CHECKED = np.linspace(0.1, 0.9, 9)  # of a line, once they are
 STILL = 5e-4  # efficiency that one half period of D1 or D2 must gain to be worth moving for
 DIP = 1e-3  # of efficiency below the worse end of a line
-LONGER = 1.1  # Assumption: a real dead time is at most a tenth longer than the nominal one
 UNSOUND = 1.0  # more than all that a better row can gain
 
 

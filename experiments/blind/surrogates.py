@@ -2,9 +2,10 @@ r"""Efficiency models of virtual labs with a known effect, at 0.02 % noise of ef
 
 Scored against what the lab's analyzer would show without noise when the campaign ends (a lab that drifts is not what
 it was when it began), at points that were not measured: the calibrated simulator, D²EA, trees on measured points,
-trees on simulated points. Beside them stands the noise-limited bound: an estimator that knew all of the lab's own
-laws, every part's spread and the instruments' specification, and had nothing to learn but where in them this lab
-lies, would have the covariance
+trees on simulated points. The calibrated one has chosen the last third of its points, where it was not sure of the
+optimum (:mod:`experiments.blind.chosen_points`); trees learn from as many random ones. Beside them stands the
+noise-limited bound of random points: an estimator that knew all of the lab's own laws, every part's spread and the
+instruments' specification, and had nothing to learn but where in them this lab lies, would have the covariance
 
 .. math:: \Sigma = (J^T S^{-1} J + \Lambda^{-1})^{-1}
 
@@ -23,16 +24,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from bench.training import simulated_table
 from drivers.mocks.lab.laboratory import Laboratory
-from drivers.mocks.lab.survey import Schedule, noise_free_efficiency, schedule, survey
+from drivers.mocks.lab.survey import noise_free_efficiency, schedule, survey
+from experiments.blind.chosen_points import DESIGN, campaign, measured
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.reach import hideable, reach
 from experiments.blind.seeds import Seeds
 from experiments.blind.trial import BlindTrial
-from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
+from experiments.harness.lab_data import random_set_points
 from experiments.harness.result import Cell, Goal, Table
 from models.accuracy import accuracy_of
 from models.dataset import load_measurements
-from models.diagnosis.diagnose import diagnose
 from models.lattice import optimise_on_lattice
 from models.splits import split_simulation
 from models.surrogate import (
@@ -56,7 +57,7 @@ REGRET_BAR = 0.01
 LOADS_W = np.arange(200.0, 2001.0, 100.0)
 _UNSEEN, _BOUND_AT = 300, 60
 _NOISE = 4.0  # times the lab's own: 1e-4 at each port, the mean of eight updates, is 0.005 % of efficiency
-_DESIGN, _UNSEEN_SEED = 29, 31
+_UNSEEN_SEED = 31
 _POINTS = 100.0
 _FLAT = 100.0  # times the range that labs draw from: no prior information on a hidden effect
 _TYPICAL = 0.97  # efficiency, where watts are turned into points
@@ -75,13 +76,6 @@ class LabModel:
         return noise_free_efficiency(self.lab, a, b, c, time_s=self.time_s)
 
 
-def campaign(size: int) -> Schedule:
-    """A design whose loaded rows, references included, are so many."""
-    count = next(n for n in range(size, 0, -1) if n + -(-n // REFERENCE_EVERY) <= size)
-    D1, D2, power_W = random_set_points(count, np.random.default_rng([_DESIGN, 10])).T
-    return schedule(D1, D2, power_W, reference_every=REFERENCE_EVERY)
-
-
 @lru_cache(maxsize=1)
 def _unseen() -> Array:
     return random_set_points(_UNSEEN, np.random.default_rng([_UNSEEN_SEED, 10])).T
@@ -90,7 +84,7 @@ def _unseen() -> Array:
 @lru_cache(maxsize=1)
 def _simulated() -> pd.DataFrame:
     table = simulated_table(Model.baseline())
-    return table.iloc[split_simulation(table, seed=_DESIGN).train]
+    return table.iloc[split_simulation(table, seed=DESIGN).train]
 
 
 def _trees(loaded: pd.DataFrame) -> dict[str, StagedModel]:
@@ -110,9 +104,9 @@ def ask_surrogates(trial: BlindTrial) -> dict[str, Any]:
         plan = campaign(size)
         truth = LabModel(lab=lab, time_s=float(plan.time_s[-1]))
         wanted, best = truth.predict(*unseen), optimise_on_lattice(truth, LOADS_W)
-        measured = load_measurements(survey(noisy, plan, seed=trial.seed))
-        diagnosis = diagnose(measured)
-        kinds: dict[str, EfficiencyModel] = {CALIBRATED: diagnosis.calibrated, **_trees(measured.loaded())}
+        diagnosis = measured(noisy, size, LOADS_W, seed=trial.seed)
+        random = load_measurements(survey(noisy, plan, seed=trial.seed))
+        kinds: dict[str, EfficiencyModel] = {CALIBRATED: diagnosis.calibrated, **_trees(random.loaded())}
         errors = {
             kind: _POINTS * accuracy_of(model.predict(*unseen), wanted).mean_abs
             for kind, model in kinds.items()
@@ -230,7 +224,7 @@ def _surrogate(run: Run) -> Outcome:
         ),
     )  # fmt: skip
     table = Table(title="Efficiency models of labs with a known effect", columns=columns, rows=tuple(rows))
-    return Outcome(goals=tuple(goals), tables=(table, by_lab))
+    return Outcome(goals=tuple(goals), tables=(table, by_lab, _by_load(done)))
 
 
 def _goal(name: str, value: float, bar: float) -> Goal:
@@ -242,6 +236,23 @@ def _lost(records: Sequence[dict[str, Any]]) -> tuple[list[float], int]:
     found = [x for r in records for x in r["regret"]]
     lost = [x for x in found if x is not None]
     return lost or [float("nan")], len(found) - sum(x is not None for x in found)
+
+
+def _by_load(done: Sequence[tuple[BlindTrial, dict[str, Any]]]) -> Table:
+    """Of each load the points lost in the lab that lost most, and which that was."""
+    rows: list[tuple[Cell, ...]] = [(power_W,) for power_W in LOADS_W.tolist()]
+    for size in SIZES:
+        records = [record[str(size)]["regret"] for _, record in done]
+        lost = np.array([[np.nan if x is None else x for x in record] for record in records])
+        worst = np.argmax(np.nan_to_num(lost, nan=-np.inf), axis=0)
+        for load, k in enumerate(worst):
+            rows[load] += (float(lost[k, load]), done[k][0].names[0], done[k][0].seed)
+    columns = [f"{name}, {size} points" for size in SIZES for name in ("lost", "hidden", "seed")]
+    return Table(
+        title="Lost at the optimum, the worst lab of each load",
+        columns=("load, W", *columns),
+        rows=tuple(rows),
+    )
 
 
 def _row(size: int, kind: str, records: Sequence[dict[str, Any]]) -> tuple[Cell, ...]:

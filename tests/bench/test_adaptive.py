@@ -12,7 +12,7 @@ from bench.campaign import Surroundings, resume_campaign, run_campaign
 from bench.errors import CampaignStopped, InputError
 from bench.job import Job
 from bench.plan import SPARE, Kind, PlannedPoint
-from bench.prediction import Asked, SimulatedConverter
+from bench.prediction import Asked, Forecast, SimulatedConverter
 from bench.progress import Progress
 from bench.states import State
 from bench.store import Store
@@ -234,3 +234,22 @@ def test_rows_keep_the_number_of_their_set_point(
     after = adaptive(powers, [*as_planned(powers), *first]).rows  # as if none of them had been accepted
     assert [row.point for row in after if row.kind is Kind.STANDBY][:1] == [first[0].point]
     assert after[0].repeat == sum(row.kind is Kind.STANDBY for row in first)
+
+
+def from_250_W(asked: Asked) -> Forecast:
+    """The simulator on a bench that may not be set to less."""
+    forecast = SimulatedConverter.of(bench_config().converter)(asked)
+    return replace(forecast, feasible=forecast.feasible & (asked.power_W >= 250.0))
+
+
+def test_rows_are_chosen_where_the_optimum_is_not_decided_and_may_be_set(adaptive: Adaptive) -> None:
+    table = simulated_campaign(Model.baseline(), seed=3, count=24)
+    noise = 1 + 2e-4 * np.random.default_rng(5).standard_normal(len(table))  # 0.02 % of efficiency
+    table = table.assign(
+        P1_W=table["P1_W"] * noise, efficiency=table["efficiency"] / noise, point=range(len(table))
+    )
+    settings = campaign_config(plan={**PLAN, "adaptive": {"probability": 0.51}})  # no cause is in question
+    choice = replace(adaptive, campaign=settings, within=from_250_W)(table, as_planned(table))
+    assert len(choice.rows) == 4
+    assert all("another hill may be the highest" in row.why for row in choice.rows)
+    assert min(row.power_W for row in choice.rows) > 250.0  # most of what is lost is lost at 200 W here

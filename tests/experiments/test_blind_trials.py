@@ -310,12 +310,12 @@ def test_what_is_in_a_group_is_not_named_however_sure() -> None:
 def test_a_load_that_is_not_carried_at_the_optimum_is_a_miss_of_its_own() -> None:
     """It is counted, and the other loads' losses are told all the same."""
     models = dict.fromkeys(("calibrated", "d2ea", "experiment_only", "simulation_only"), 0.005)
-    record = {"error": models, "bound": 0.003, "regret": [0.002, None, 0.004], "verdict": "named"}
+    record = {"error": models, "bound": 0.003, "regret": [0.002, None] + [0.004] * 17, "verdict": "named"}
     trial = BlindTrial(row="surrogate", seed=1, hidden=(("skin_effect", 0.5),))
 
     class Finished:
         def records(self, *_: object) -> list[tuple[BlindTrial, dict[str, Any]]]:
-            return [(trial, {"40": record, "400": record | {"regret": [0.001, 0.003]}})]
+            return [(trial, {"40": record, "400": record | {"regret": [0.001] * 19}})]
 
     goals = {goal.name: goal for goal in SURROGATE_PART.run(Finished()).goals}  # type: ignore[arg-type]
     stopped = "surrogate: loads that the lab does not carry at its optimum, {} points"

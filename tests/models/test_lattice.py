@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.boosting import Floats
-from models.lattice import optimise_on_lattice
+from models.lattice import hills_on_lattice, optimise_on_lattice
 
 LOADS = np.array([300.0, 900.0])
 
@@ -62,3 +62,34 @@ def test_a_point_that_cannot_run_is_no_optimum() -> None:
     found = optimise_on_lattice(Hills(narrow=(0.8, 0.6)), LOADS)  # beyond the edge
     assert np.all(found.D1 + found.D2 < 1.2)
     assert np.all(np.isfinite(found.predicted))
+
+
+def test_a_hill_that_the_nodes_miss_at_one_load_is_found_from_the_next() -> None:
+    class Ridge:
+        """A ridge whose many tops are higher at their nodes than a hill that is narrow at the lower load."""
+
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            x, y = np.asarray(D1), np.asarray(D2)
+            ridge = np.exp(-((x + y - 0.9) ** 2) / 0.05**2) * (1 + 0.1 * np.sin(40 * (x - y)) ** 2)
+            width = np.where(np.asarray(power_W) > 500.0, 0.05, 0.008)
+            hill = np.exp(-((x - 0.86) ** 2 + (y - 0.42) ** 2) / width**2)  # two hundredths off the nodes
+            return np.asarray(0.96 + 0.005 * ridge + 0.008 * hill)
+
+    found = optimise_on_lattice(Ridge(), LOADS)
+    np.testing.assert_allclose(found.D1, 0.86, atol=2e-3)  # the last steps are 0.0013 apart
+    assert np.all(found.predicted > 0.967)
+
+
+def test_tops_are_kept_that_lie_apart_from_the_highest() -> None:
+    class Ridge:
+        """Sixteen tops on one ridge, and a lower hill far from it."""
+
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            x, y = np.asarray(D1), np.asarray(D2)
+            ridge = np.exp(-((y - 0.2) ** 2) / 0.03**2) * (1 + 0.01 * np.cos(100 * x))
+            return np.asarray(
+                0.96 + 0.01 * ridge + 0.008 * np.exp(-((x - 0.5) ** 2 + (y - 0.8) ** 2) / 0.1**2)
+            )
+
+    tops = hills_on_lattice(Ridge(), LOADS)
+    assert np.any(np.hypot(tops.D1 - 0.5, tops.D2 - 0.8) < 2e-3, axis=1).all()
