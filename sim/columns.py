@@ -54,10 +54,10 @@ def impossible(state: OperatingState, columns: Array) -> NDArray[np.str_]:
     """Why a state with these columns (C, N) cannot be, "" where it can: a part too hot, numbers that are none."""
     by_place = state.temperatures.by_place()
     temperatures_C = np.stack(np.broadcast_arrays(*by_place.values()))
-    names = np.array([place.replace("_", " ") for place in by_place])[np.argmax(temperatures_C, axis=0)]
-    too_hot = np.char.add(np.char.add("the ", names), f" would be hotter than {HOTTEST_C:.0f} degC")
-    return np.select(
-        [~np.all(np.isfinite(columns), axis=0), np.max(temperatures_C, axis=0) >= HOTTEST_C],
-        ["no finite solution", too_hot],
-        default="",
-    )
+    names = [place.replace("_", " ") for place in by_place]
+    why = np.full(columns.shape[1], "", dtype="U96")
+    for k in np.flatnonzero(np.max(temperatures_C, axis=0) >= HOTTEST_C).tolist():
+        hottest = names[int(np.argmax(temperatures_C[:, k]))]
+        why[k] = f"the {hottest} would be hotter than {HOTTEST_C:.0f} degC"
+    why[~np.all(np.isfinite(columns), axis=0)] = "no finite solution"
+    return why
