@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.observations import Channel, Observations
+from models.diagnosis.signatures import margin
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import Result, can_run, reference, simulate_many
@@ -18,8 +19,9 @@ UNLOADED = ("standby", "no_load")
 _POINT_MIN, _UNLOADED_MIN, _REBUILD_MIN = 4.0, 1.5, 15.0
 _AMBIENT_K, _AMBIENT_MIN = 15.0, 60.0
 _DEAD_TIME_s = 200e-9
-_SPARE = 0.05  # of the power that a proposed point must leave
+_SPARE = 0.02  # of the power, beside the margin that a diagnosis keeps from the most that can be carried
 _AXES = (5, 5, 6)  # points over the measured ranges of D1, D2 and power
+_HALVINGS = 6  # of the range of power, on the way to the most that can be carried
 _AGAIN = 12  # measured points at most that may be measured again
 _PORT_1 = ("analyzer_gain", "analyzer_offset", "analyzer_range_step")
 _WINDING_Ohm = 1e-3  # what four wires are good to
@@ -181,27 +183,51 @@ def _readings(results: Sequence[Result], channels: Sequence[Channel]) -> Array:
 def _points(observations: Observations, models: Sequence[Model], allowed: Allowed) -> Points:
     """Standby, no load, and what is allowed with load, as far as every model runs there."""
     p, loaded = observations.points, observations.loaded
-    set_points = _around(observations) if allowed.set_points is None else allowed.set_points
-    D1, D2, power = set_points.T
-    like = Points(
-        D1=D1, D2=D2, power_W=power,
+    one = Points(
+        D1=1.0, D2=0.0, power_W=0.0,
         V1_V=float(np.median(np.asarray(p.V1_V)[loaded])),
         V2_V=float(np.median(np.asarray(p.V2_V)[loaded])),
         time_s=float(np.max(np.asarray(p.time_s))),
     )  # fmt: skip
-    spare = replace(like, power_W=(1 + _SPARE) * power)
-    runs = np.flatnonzero(can_run(models, spare))
-    idle = replace(like.take(runs[:1]), D1=np.median(D1), D2=np.median(D2), power_W=0.0)
-    return Points.join([replace(idle, pwm=False, D1=1.0, D2=0.0), idle, like.take(runs)])
+
+    def runs(set_points: Array) -> NDArray[np.bool_]:
+        D1, D2, power = set_points.T
+        return with_room(observations, models, replace(one, D1=D1, D2=D2, power_W=power))
+
+    set_points = _around(observations, runs) if allowed.set_points is None else allowed.set_points
+    idle = replace(one, D1=np.median(set_points[:, 0]), D2=np.median(set_points[:, 1]))
+    D1, D2, power = set_points[runs(set_points)].T
+    return Points.join(
+        [replace(idle, pwm=False, D1=1.0, D2=0.0), idle, replace(one, D1=D1, D2=D2, power_W=power)]
+    )
 
 
-def _around(observations: Observations) -> Array:
-    """A grid over the measured ranges, and some of the measured points again, (N, 3)."""
+def with_room(observations: Observations, models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
+    """Which points (K,) every model carries with more power to spare than a diagnosis of such observations asks for."""
+    spare = 1 + margin(observations) + _SPARE
+    return can_run(models, replace(points, power_W=spare * np.asarray(points.power_W)))
+
+
+def _around(observations: Observations, runs: Callable[[Array], NDArray[np.bool_]]) -> Array:
+    """A grid over the measured ranges, the most that it carries, and some of the measured points again, (N, 3)."""
     p, loaded = observations.points, np.flatnonzero(observations.loaded)
     measured = np.stack([np.asarray(x)[loaded] for x in (p.D1, p.D2, p.power_W)], axis=1)
-    axes = [np.linspace(x.min(), x.max(), count) for x, count in zip(measured.T, _AXES, strict=True)]
-    grid = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
-    return np.concatenate([measured[:: -(-len(measured) // _AGAIN)], grid])
+    D1, D2, power = (np.linspace(x.min(), x.max(), count) for x, count in zip(measured.T, _AXES, strict=True))
+    pairs = np.stack([a.ravel() for a in np.meshgrid(D1, D2, indexing="ij")], axis=1)
+    grid = np.column_stack([np.repeat(pairs, power.size, axis=0), np.tile(power, len(pairs))])
+    return np.concatenate([measured[:: -(-len(measured) // _AGAIN)], grid, _most_carried(pairs, power, runs)])
+
+
+def _most_carried(pairs: Array, power: Array, runs: Callable[[Array], NDArray[np.bool_]]) -> Array:
+    """The largest power inside a range that each pair of D1 and D2 carries, where it carries some and not all."""
+    low, high = np.full(len(pairs), power.min()), np.full(len(pairs), power.max())
+    inside = runs(np.column_stack([pairs, low])) & ~runs(np.column_stack([pairs, high]))
+    pairs, low, high = pairs[inside], low[inside], high[inside]
+    for _ in range(_HALVINGS if low.size else 0):
+        middle = 0.5 * (low + high)
+        carried = runs(np.column_stack([pairs, middle]))
+        low, high = np.where(carried, middle, low), np.where(carried, high, middle)
+    return np.column_stack([pairs, low])
 
 
 def _set_points(points: Points) -> list[SetPoint]:

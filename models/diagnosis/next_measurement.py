@@ -8,8 +8,9 @@ with V what the measurements leave open (:mod:`models.diagnosis.left_open`), the
 a part's spread or the simulation's own inaccuracy that explains the difference as well is no separation, and a point
 that was measured tells less of itself and of its neighbours. Steps are chosen one after the other, each with those
 before it taken as measured: worth :math:`\sum p_i p_j \exp(-D_{ij}^2/2) \, d_{ij}^2 / 2` per minute, with
-:math:`D_{ij}` what they separate already. Many small steps are worth it where they tell enough together. Where no
-step can, the channel is named that would.
+:math:`D_{ij}` what they separate already. Many small steps are worth it where they tell enough together. Where all
+of them leave a pair tied, it is said what they tell at most, and which channel would do: the cheapest that separates
+all such pairs in as many rows, or the one that tells most.
 """
 
 from collections.abc import Sequence
@@ -29,12 +30,13 @@ from models.diagnosis.bench_options import (
     Options,
     SetPoint,
     bench_options,
+    with_room,
 )
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.left_open import Ahead, left_open
 from models.diagnosis.measured_again import telling_rows
-from models.diagnosis.observations import CHANNELS, Channel, Observations
+from models.diagnosis.observations import CHANNELS, Observations
 from models.diagnosis.refinery import Refinery
 from sim.model import Model
 
@@ -42,10 +44,15 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 10
 SEPARATED = 4.0  # sigmas at which the worse of two explanations keeps less than one part in a thousand
+_SAID = 0.1  # sigmas
+_SMALL_STEPS = Allowed(least_sigma=0.5, together_sigma=0.5)
 NO_FIT = Fit(terms=(), shift=np.empty(0))
 _LEAST = 0.03  # probability from which an explanation takes part
 _MOST_RIVALS = 6
-_WORTH_DOING = 0.5  # sigmas
+# Assumption: the controller has D0, a temperature needs a sensor, a current a probe, an ac power an analyzer's element.
+_CHEAPEST_FIRST = (
+    "D0", "T_heatsink_C", "T_transformer_C", "T_inductor_C", "I_L_rms_A", "P_link1_W", "P_link2_W",
+)  # fmt: skip
 _MANY = 60  # measured points that lie as close as a grid over their ranges would
 _LOOKED_AT = 40  # of them: those that tell most if they were measured again
 
@@ -155,10 +162,13 @@ def next_measurements(
     if any(step.by_hand for step in steps):
         others, reached = everything.among(alone, present).steps(most, allowed)
         steps += [step for step in others if step.action not in {s.action for s in steps}]
-    absent = [k for k in range(len(CHANNELS)) if k not in present]
+    absent = [c.column for c in CHANNELS if c not in observations.channels]
     tied = [k for k, d2 in enumerate(reached) if d2 < SEPARATED**2]
     if tied and absent:
-        steps += everything.among(alone, absent).missing(tied[0], [CHANNELS[k] for k in absent])
+        # with other channels a diagnosis keeps further from the most that can be carried
+        room = with_room(replace(observations, channels=CHANNELS), [r.model for r in rivals], options.points)
+        told = float(np.sqrt(min(reached[k] for k in tied)))
+        steps += everything.of_pairs(tied).missing([k for k in alone if room[k]], absent, most, told)
     return steps
 
 
@@ -235,7 +245,7 @@ class _Race:
 
         What is behind the last step that is worth doing, by itself or with all that follow it, is left out.
         """
-        weight = np.array([self.rivals[i].probability * self.rivals[j].probability for i, j in self.pairs])
+        weight = self._weight()
         reached, gains, chosen = np.zeros(len(self.pairs)), list[Array](), list[tuple[int, int]]()
         for _ in range(most):
             unsettled = reached < SEPARATED**2
@@ -255,17 +265,33 @@ class _Race:
             steps[option] = steps[option].once_more(new) if option in steps else new
         return list(steps.values()), np.sum([np.zeros(len(self.pairs)), *gains[:kept]], axis=0).tolist()
 
-    def missing(self, pair: int, channels: Sequence[Channel]) -> list[NextMeasurement]:
-        """The one of these channels that would separate a pair best, at the point to use it at; or none."""
-        between = self.open_[self.pairs[pair]].mean(axis=0)
-        variance = np.diag(between).reshape(self.options.sigma.shape) + self.options.sigma**2
-        d2 = self.apart[0, pair].reshape(self.options.sigma.shape) ** 2 / variance
-        best, channel = (int(k) for k in np.unravel_index(int(np.argmax(d2)), d2.shape))
-        if d2[best, channel] < _WORTH_DOING**2:
+    def of_pairs(self, pairs: Sequence[int]) -> Self:
+        """The same of some of the pairs."""
+        return replace(self, pairs=self.pairs[list(pairs)], apart=self.apart[:, list(pairs)])
+
+    def missing(
+        self, rows: Sequence[int], columns: Sequence[str], most: int, told: float
+    ) -> list[NextMeasurement]:
+        """The channel of these columns that the pairs need, and where to begin with it; or none.
+
+        Rows of the channels that are measured have ``told`` so many sigmas of the worst pair.
+        """
+        weight, found = self._weight(), list[tuple[float, str, NextMeasurement]]()
+        for column in (c for c in _CHEAPEST_FIRST if c in columns):
+            place = next(k for k, channel in enumerate(CHANNELS) if channel.column == column)
+            steps, reached = self.among(rows, [place]).steps(most, _SMALL_STEPS)
+            if steps:
+                found.append((float(weight @ np.minimum(reached, SEPARATED**2)), column, steps[0]))
+        if not found:
             return []
-        step = NextMeasurement.of(self.options.what[best], self._differ(pair), float(d2[best, channel]))
-        needed = f"no point will do with the channels measured: measure {channels[channel].column} too"
-        return [replace(step, action=f"{needed}; {step.action}", by_hand=True)]
+        _, column, step = max(found, key=lambda each: each[0])  # the first of several that separate all
+        so_far = f", {told:.1f} sigma at most" if told > _SAID else ""
+        action = f"no point will do with the channels measured{so_far}: measure {column} too; {step.action}"
+        return [replace(step, action=action, by_hand=True)]
+
+    def _weight(self) -> Array:
+        """How probable both of a pair are, (pairs,)."""
+        return np.array([self.rivals[i].probability * self.rivals[j].probability for i, j in self.pairs])
 
     def _differ(self, pair: int) -> tuple[str, ...]:
         """Effects that one explanation of a pair has and the other has not."""

@@ -1,13 +1,21 @@
 """What to measure next: the action that tells two made-up rivals apart, by what the simulator says."""
 
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
 import pytest
 
+from models.diagnosis.bench_options import bench_options
 from models.diagnosis.next_measurement import MOST_STEPS, SEPARATED, Rival, next_measurements
 from models.diagnosis.observations import Observations, observe
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
+from sim.simulate import can_run
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
+
+POWERS = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
 
 
 @pytest.fixture(scope="module")
@@ -33,9 +41,10 @@ def test_one_standby_reading_tells_offset_from_auxiliary_power(observations: Obs
 
 def test_what_must_be_measured_again_has_its_set_point(observations: Observations) -> None:
     steps = next_measurements(observations, [rival("link_resistance", 0.1), rival("sic_on_resistance", 0.5)])
-    assert steps[0].set_point is not None
-    D1, D2, power_W = steps[0].set_point
-    assert steps[0].action == f"measure D1 = {D1:.3f}, D2 = {D2:.3f}, {power_W:.0f} W"
+    step = next(step for step in steps if not step.by_hand)
+    assert step.set_point is not None
+    D1, D2, power_W = step.set_point
+    assert step.action == f"measure D1 = {D1:.3f}, D2 = {D2:.3f}, {power_W:.0f} W"
 
 
 def test_steps_end_when_the_rivals_are_apart(observations: Observations) -> None:
@@ -47,13 +56,32 @@ def test_steps_end_when_the_rivals_are_apart(observations: Observations) -> None
 
 
 def test_without_a_channel_that_tells_it_is_asked_for() -> None:
-    frame = simulated_campaign(Model.baseline(), seed=1, count=20)[
-        ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
-    ]
     skew = [rival("gate_delay_skew", 60e-9), Rival(effects=(), probability=0.5, model=Model.baseline())]
-    steps = next_measurements(observe(frame, prototype()), skew)
+    steps = next_measurements(observe(efficiency_alone(), prototype()), skew)
     assert "D0" in steps[-1].action  # the bridges' skew is a phase: power hardly knows of it
     assert steps[-1].expected_sigma > SEPARATED
+
+
+def test_the_cheapest_channel_that_will_do_is_asked_for() -> None:
+    """Both cables heat alike; the voltage that each takes from the converter shows in D0, current and ac powers."""
+    cables = [rival("cable_resistance_input", 0.04), rival("cable_resistance_output", 0.0092)]
+    *_, needed = next_measurements(observe(efficiency_alone(), prototype()), cables)
+    assert "measure D0 too" in needed.action
+    assert "sigma at most" in needed.action  # what rows tell without it
+    assert needed.by_hand
+
+
+def test_points_are_proposed_up_to_what_a_diagnosis_takes() -> None:
+    observations = observe(efficiency_alone(), prototype())
+    points = bench_options(observations, [Model.baseline()], observations.channels).points
+    power_W = np.asarray(points.power_W)
+    share = [can_run(Model.baseline(), replace(points, power_W=spare * power_W)) for spare in (1.03, 1.08)]
+    assert np.all(share[0])  # efficiency alone is read to 3 % from the limit
+    assert np.count_nonzero(~share[1]) > 5  # of 25 pairs of D1 and D2: those that do not carry all
+
+
+def efficiency_alone() -> pd.DataFrame:
+    return simulated_campaign(Model.baseline(), seed=1, count=20)[POWERS]
 
 
 def test_one_explanation_needs_no_further_measurement(observations: Observations) -> None:
