@@ -31,7 +31,7 @@ from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored
 from experiments.blind.seeds import ROWS, SCORING, TUNING
 from experiments.blind.surrogates import SURROGATE_PART, campaign
-from experiments.blind.tied import Bench, needs_none, separated, settled, understood
+from experiments.blind.tied import Bench, right_about_channels, separated, settled, understood
 from experiments.blind.trial import HEAVY, NOISES, UNDERSTATED, BlindTrial, ask, measured
 from experiments.blind_trials import NAMES
 from experiments.harness.lab_data import measured_table, random_set_points
@@ -280,10 +280,11 @@ def test_a_proposed_session_is_warm_when_it_counts() -> None:
     assert float(np.ptp(later["P1_W"] - later["P2_W"])) < 0.25  # noise of a difference is 0.1 W of 2080
 
 
-def test_who_found_it_without_a_channel_needed_none() -> None:
-    assert needs_none({"separated": True, "channels": []})
-    assert not needs_none({"separated": True, "channels": ["D0"]})
-    assert not needs_none({"separated": False, "channels": []})
+def test_a_channel_is_right_where_it_separates_and_none_where_none_does() -> None:
+    assert right_about_channels({"channels": ["D0", "P_link1_W"], "needed": ["P_link1_W"]})
+    assert not right_about_channels({"channels": ["D0"], "needed": []})
+    assert not right_about_channels({"channels": [], "needed": ["D0"]})
+    assert right_about_channels({"channels": [], "needed": []})
 
 
 def grouped(**probabilities: float) -> Answer:
