@@ -26,7 +26,7 @@ def inaccuracy(observations: Observations, near: Result) -> Array:
     ``near`` is the baseline's simulation of the rows with readings.
     """
     row = np.searchsorted(np.unique(observations.row), observations.row)
-    own = _own(observations)
+    own = np.array([channel.accuracy for channel in observations.channels])[observations.channel]
     squares = np.stack([own**2, np.zeros_like(own)])
     for part, law, at_edges in _parts(near):
         error_W = law * np.nan_to_num(near[f"loss_{part}_W"])
@@ -36,16 +36,6 @@ def inaccuracy(observations: Observations, near: Result) -> Array:
             if at_edges:
                 squares[1, mask] += error_W[row[mask]] ** 2
     return np.asarray(np.sqrt(squares))
-
-
-def narrowed(inaccuracy: Array, observations: Observations, share: float) -> Array:
-    """The same (2, M) where laws are wrong by a share of what they may be; a channel keeps its own accuracy."""
-    own = np.stack([_own(observations), np.zeros(inaccuracy.shape[1])]) ** 2
-    return np.asarray(np.sqrt(own + share**2 * (inaccuracy**2 - own)))
-
-
-def _own(observations: Observations) -> Array:
-    return np.array([channel.accuracy for channel in observations.channels])[observations.channel]
 
 
 def _showing(part: str) -> tuple[str, ...]:

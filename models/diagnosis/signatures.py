@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.inaccuracy import inaccuracy, narrowed
+from models.diagnosis.inaccuracy import inaccuracy
 from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
 from models.diagnosis.predictions import Key, Predictions, Repeated, read, table_of
@@ -71,9 +71,9 @@ class Signatures:
     tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction, and
     where efficiency is alone how far a limit one sigma off bends it;
-    ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (2, M) is
-    that of the simulation, its laws as doubtful as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of
-    the frame, for variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there.
+    ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (2, M) is that of the simulation, of
+    the input power only such a share as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of the frame,
+    for variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there.
     """
 
     baseline: Array
@@ -98,9 +98,9 @@ class Signatures:
         return self.near.take(used), self.lines.take(used)
 
     def doubted(self, observations: Observations, doubt: float) -> Self:
-        """The same with the simulation's laws wrong by such a share of what they may be."""
-        narrow = narrowed(self.inaccuracy, observations, doubt / self.doubt)
-        return replace(self, inaccuracy=narrow, doubt=doubt)
+        """The same with the input power wrong by such a share of what the simulation may be off."""
+        share = np.where(observations.of("efficiency"), doubt / self.doubt, 1.0)
+        return replace(self, inaccuracy=share * self.inaccuracy, doubt=doubt)
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that effects change, (k,)."""

@@ -44,12 +44,15 @@ def setting(observations: Observations, known: Signatures, error_W: Array | floa
 def test_where_readings_agree_with_the_simulation_its_laws_are_doubted_less(
     observations: Observations, known: Signatures
 ) -> None:
-    assert setting(observations, known).refinery.known.doubt < 1.0
+    assert setting(observations, known).refinery.known.doubt == 0.1
 
 
 def test_where_other_channels_tell_too_laws_stay_doubted_as_they_are() -> None:
     seen = observe(simulated_campaign(Model.baseline(), seed=1, count=40), prototype())
-    assert setting(seen, signatures(seen, Model.baseline())).refinery.known.doubt == 1.0
+    there = signatures(seen, Model.baseline())
+    assert setting(seen, there).refinery.known.doubt == 1.0
+    share = there.doubted(seen, 0.1).inaccuracy[0] / there.inaccuracy[0]
+    np.testing.assert_allclose(share, np.where(seen.of("efficiency"), 0.1, 1.0), rtol=1e-12)  # rounding
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
