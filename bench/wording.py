@@ -166,6 +166,9 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     'fan step or auxiliary power: these data cannot tell which'
     >>> verdict_text({"verdict": "consistent", "causes": [{"effect": "dead_time", "probability": 0.7}]})
     'No cause is sure; the likeliest is dead time (70.0 %)'
+    >>> left_over = {"verdict": "unknown", "unknown": {"probability": 0.4}}
+    >>> verdict_text(left_over | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
+    'Something is wrong: dead time (60.0 %), or what no known cause explains'
     """
     verdict = str(diagnosis.get("verdict", "unknown"))
     causes = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.5)]
@@ -177,10 +180,12 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
         return f"Cause named: {join([effect_name(name) for name in named])}{beside}"
     if verdict == "group":
         return f"{tied}: these data cannot tell which"
-    if verdict == "consistent" and causes:
-        likeliest = probable_causes(diagnosis, 0.5)[0]
-        said = f"{effect_name(str(likeliest['effect']))} ({per_cent(float(likeliest['probability']))})"
-        return f"No cause is sure; the likeliest is {said}"
+    first = next(iter(probable_causes(diagnosis, 0.5)), None)
+    likeliest = first and f"{effect_name(str(first['effect']))} ({per_cent(float(first['probability']))})"
+    if verdict == "consistent" and likeliest:
+        return f"No cause is sure; the likeliest is {likeliest}"
+    if verdict == "unknown" and likeliest and (diagnosis.get("unknown") or {}).get("probability", 1.0) < 0.5:
+        return f"Something is wrong: {likeliest}, or what no known cause explains"
     sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
     if verdict == "unknown" and sure:
         return f"More is wrong than {join([effect_name(name) for name in sure])} explains, and no known cause is it"
