@@ -207,7 +207,7 @@ class AdaptiveConfig(Section):
         default=5e-4, description="standard uncertainty of efficiency near the optimum, to end with"
     )
     lost: Positive = Field(
-        default=5e-5, description="efficiency lost on average where another hill is the best one, to end with"
+        default=1e-4, description="efficiency lost on average where another hill is the best one, to end with"
     )
 
 
