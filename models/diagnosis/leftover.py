@@ -171,9 +171,14 @@ def _together(present: Collection[str]) -> dict[str, tuple[str, ...]]:
 
 
 def _by_one_quantity(observations: Observations, used: NDArray[np.intp]) -> Iterable[tuple[str, Array]]:
-    """Maps (r, N) that change over one quantity alone, each with what it says of the place."""
+    """Maps (r, N) that change over one quantity alone, each with what it says of the place.
+
+    Efficiency alone has none by power: it is read to the edge of what can be carried (decision 90), where what any law
+    misses is as narrow.
+    """
     frame, p = observations.frame.iloc[used], observations.points.take(used)
-    yield "by power", _over(np.asarray(p.power_W), np.asarray(p.pwm) + 0.0, _LENGTH_OF_POWER)
+    if not observations.efficiency_alone:
+        yield "by power", _over(np.asarray(p.power_W), np.asarray(p.pwm) + 0.0, _LENGTH_OF_POWER)
     present = {c.name for c in observations.channels}
     if "T_heatsink_C" in present:
         current = frame["I_L_rms_A"] if "I_L_rms_A" in present else frame["P2_W"]

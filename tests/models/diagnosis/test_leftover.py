@@ -39,7 +39,7 @@ def test_a_leftover_sits_only_where_a_channel_shows_it() -> None:
     observations = loads(np.linspace(300.0, 1500.0, ROWS))
     places = {c.location for c in leftovers(observations, np.ones(ROWS)).configurations}
     # with the input power alone the others are the same, or nothing
-    assert places == {"input", "input, straight", "input, by power", "over time", "gain over time"}
+    assert places == {"input", "input, straight", "over time", "gain over time"}
 
 
 def test_a_contact_that_worsens_steeply_with_temperature_is_followed() -> None:
