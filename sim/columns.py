@@ -12,7 +12,7 @@ from sim.station import IN_LINK, OperatingState
 
 Array = NDArray[np.float64]
 
-FLAGS = len(EDGES)  # columns at the end that are yes or no
+FLAGS = 2 * len(EDGES)  # columns at the end that say how edges switch: they do not move along straight lines
 _ZVS = 0.01  # a swing that misses less than this counts as zero-voltage switching
 _COLUMNS = (
     "D0", "P1_W", "I1_A", "P2_W", "efficiency", "I_L_rms_A", "I_L_pp_A", "P_link1_W", "P_link2_W",
@@ -24,7 +24,8 @@ def columns_of(converter: Converter) -> tuple[str, ...]:
     """Names of what is told of a converter."""
     before, behind = part_names(converter)
     losses = (*before, *IN_LINK, *behind, "auxiliary", "input_cable", "output_cable", "added")
-    return (*_COLUMNS, *(f"loss_{part}_W" for part in losses), *(f"zvs_{edge}" for edge in EDGES))
+    edges = [f"{said}_{edge}" for said in ("missing", "zvs") for edge in EDGES]
+    return (*_COLUMNS, *(f"loss_{part}_W" for part in losses), *edges)
 
 
 def columns(converter: Converter, state: OperatingState, points: Points) -> Array:
@@ -46,6 +47,7 @@ def columns(converter: Converter, state: OperatingState, points: Points) -> Arra
         "loss_added_W": np.zeros(len(points)),
     }
     found |= {f"loss_{part}_W": loss for part, loss in balance.losses.items()}
+    found |= {f"missing_{edge}": missing[k] for k, edge in enumerate(EDGES)}
     found |= {f"zvs_{edge}": missing[k] < _ZVS for k, edge in enumerate(EDGES)}
     return np.stack([found[name] for name in columns_of(converter)]).astype(float, copy=False)
 

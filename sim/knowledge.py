@@ -174,14 +174,15 @@ def _columns(converter: Converter, points: Points, shapes: _Shapes, edges: Array
     losses["input_cable"] = converter.input_cable_Ohm * (inside / points.V1_V) ** 2 + np.zeros(size)
     losses["added"] = np.zeros(size)
     P1 = inside + losses["input_cable"]
-    soft = _driving_A(converter, wave) > 0
+    hard = np.where(_driving_A(converter, wave) > 0, 0.0, 1.0)  # a swing takes no time
     return {
         "P1_W": P1, "I1_A": P1 / points.V1_V, "P2_W": P2, "efficiency": efficiency(P1, P2),
         "I_L_rms_A": np.sqrt(square), "I_L_pp_A": 2 * np.max(np.abs(wave.current_A), axis=0),
         "P_link1_W": link1, "P_link2_W": link2,
         **{f"T_{place}_C": ambient_C for place in ("heatsink", "transformer", "inductor")},
         **{f"loss_{part}_W": loss for part, loss in losses.items()},
-        **{f"zvs_{edge}": soft[k].astype(float) for k, edge in enumerate(EDGES)},
+        **{f"missing_{edge}": hard[k] for k, edge in enumerate(EDGES)},
+        **{f"zvs_{edge}": 1.0 - hard[k] for k, edge in enumerate(EDGES)},
     }  # fmt: skip
 
 

@@ -85,8 +85,9 @@ def test_measurement_columns_are_those_that_are_read_and_stored() -> None:
 def test_simulation_columns_are_those_of_a_result() -> None:
     listed = []
     for name in first_cells("Simulation table"):
-        several = {"loss_<part>_W": [f"loss_{p}_W" for p in PARTS], "zvs_<edge>": [f"zvs_{e}" for e in EDGES]}
-        listed += several.get(name, [name])
+        kind, _, each = name.partition("<")
+        several = {"part>_W": [f"{kind}{part}_W" for part in PARTS], "edge>": [kind + edge for edge in EDGES]}
+        listed += several.get(each, [name])
     result = simulate(Model.baseline(), Points(D1=0.9, D2=0.1, power_W=500.0))
     assert sorted(listed) == sorted(result.columns())
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 _LEAST_DUTY, _LEAST_SHARE = 0.02, 0.05  # ranges of D1, D2 and power (of its largest) that count as one value
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
-_NEARER = (1.0, 3.0)  # the lengths over which laws of edges are smooth are a third
+_NEARER = (1.0, 3.0, 3.0)  # the lengths over which laws of edges are smooth are a third
 
 
 def length_scale(observations: Observations) -> Array:
@@ -44,7 +44,7 @@ def kernel(a: Array, b: Array) -> Array:
 def smooth_covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
     """Covariance (N, K) of the simulation's inaccuracy between two sets of readings of one channel.
 
-    Each is told by its places on the map (N, 3) and its :func:`~models.diagnosis.inaccuracy.inaccuracy` (2, N).
+    Each is told by its places on the map (N, 3) and its :func:`~models.diagnosis.inaccuracy.inaccuracy` (3, N).
     """
     (place, sigma), (place_, sigma_) = one, other
     both = zip(sigma, sigma_, _NEARER, strict=True)

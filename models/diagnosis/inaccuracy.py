@@ -2,14 +2,17 @@
 
 A conduction law is a line through a datasheet's curve, a switching energy a power law from another voltage and current,
 a core loss a law from sines: each loss part is right to a share of itself, and a channel shows the parts behind it.
-Beside that every channel has a little of its own. What is smooth over (D1, D2, power) is told from what happens at
-edges, which changes from soft to hard over a short way.
+Beside that every channel has a little of its own. What a bridge loses where a swing is cut short depends on its
+capacitances at low voltage and on the last nanoseconds of the dead time: that is known less well than a soft edge, or
+one that is hard all the way. What is smooth over (D1, D2, power) is told from what happens at edges, which changes from
+soft to hard over a short way.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
+from sim.modulation import EDGES
 from sim.simulate import Result
 from sim.station import IN_LINK
 
@@ -18,24 +21,37 @@ Array = NDArray[np.float64]
 # Assumption: how well laws are known, by the last word of a part's name; the others are plain resistances or constants.
 _LAWS = {"conduction": 0.01, "copper": 0.01, "core": 0.03, "switching": 0.05, "recovery": 0.05}
 _AT_EDGES = ("switching", "recovery")
+_CUT_SHORT, _PART_OF_IT = 0.3, (0.01, 0.99)  # Assumption: of the switching loss of a bridge with such an edge
 
 
 def inaccuracy(observations: Observations, near: Result) -> Array:
-    """One sigma of what is smooth, and of what happens at edges, for every reading, (2, M).
+    """One sigma of what is smooth, of what happens at edges, and at swings cut short, for every reading, (3, M).
 
     ``near`` is the baseline's simulation of the rows with readings.
     """
-    row = np.searchsorted(np.unique(observations.row), observations.row)
+    row, cut_short = np.searchsorted(np.unique(observations.row), observations.row), _cut_short(near)
     own = np.array([channel.accuracy for channel in observations.channels])[observations.channel]
-    squares = np.stack([own**2, np.zeros_like(own)])
+    squares = np.stack([own**2, np.zeros_like(own), np.zeros_like(own)])
     for part, law, at_edges in _parts(near):
-        error_W = law * np.nan_to_num(near[f"loss_{part}_W"])
+        lost_W = np.nan_to_num(near[f"loss_{part}_W"])
+        error_W = np.stack([law * lost_W, np.zeros_like(lost_W), np.zeros_like(lost_W)])
+        if at_edges:
+            error_W[1] = law * lost_W
+            error_W[2] = _CUT_SHORT * cut_short[part.partition("_")[0]] * lost_W
         for channel in _showing(part):
             mask = observations.of(channel)
-            squares[0, mask] += error_W[row[mask]] ** 2
-            if at_edges:
-                squares[1, mask] += error_W[row[mask]] ** 2
+            squares[:, mask] += error_W[:, row[mask]] ** 2
     return np.asarray(np.sqrt(squares))
+
+
+def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
+    """Where an edge of each bridge is switched neither softly nor hard all the way, (N,)."""
+    low, high = _PART_OF_IT
+    cut = {edge: (near[f"missing_{edge}"] > low) & (near[f"missing_{edge}"] < high) for edge in EDGES}
+    return {
+        bridge: np.any([at for edge, at in cut.items() if edge.startswith(bridge)], axis=0)
+        for bridge in ("primary", "secondary")
+    }
 
 
 def _showing(part: str) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ class Signatures:
     tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction, and
     where efficiency is alone how far a limit one sigma off bends it;
-    ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (2, M) is that of the simulation, of
+    ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation, of
     the input power only such a share as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of the frame,
     for variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there.
     """
@@ -100,7 +100,8 @@ class Signatures:
     def doubted(self, observations: Observations, doubt: float) -> Self:
         """The same with the input power wrong by such a share of what the simulation may be off."""
         share = np.where(observations.of("efficiency"), doubt / self.doubt, 1.0)
-        return replace(self, inaccuracy=share * self.inaccuracy, doubt=doubt)
+        smooth, at_edges, cut_short = self.inaccuracy
+        return replace(self, inaccuracy=np.stack([share * smooth, share * at_edges, cut_short]), doubt=doubt)
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that effects change, (k,)."""

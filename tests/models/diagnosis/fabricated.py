@@ -55,7 +55,7 @@ def known(effects: Sequence[Signature], readings: int, spreads: Array | None = N
         spreads=directions,
         input_sigma=np.zeros(readings),
         per_watt=np.zeros(readings),
-        inaccuracy=np.zeros((2, readings)),
+        inaccuracy=np.zeros((3, readings)),
     )
 
 

@@ -10,6 +10,7 @@ import pytest
 from bench.model_file import read_model
 from models.diagnosis.inaccuracy import inaccuracy
 from models.diagnosis.observations import Observations, channel_named, observe
+from sim.modulation import EDGES
 from sim.prototype import prototype
 from sim.simulate import Points, Result
 
@@ -31,10 +32,11 @@ def readings() -> Observations:
     return observe(pd.DataFrame([row]), prototype())
 
 
-def lost_in(part: str) -> Result:
-    """A simulation that loses 10 W in one part."""
+def lost_in(part: str, **missing: float) -> Result:
+    """A simulation that loses 10 W in one part, with edges that miss these shares of their swings."""
     points = Points(D1=np.array([0.9]), D2=np.array([0.1]), power_W=np.array([500.0]))
-    values = {f"loss_{part}_W": np.array([10.0])}
+    values = {f"missing_{edge}": np.array([missing.get(edge, 0.0)]) for edge in EDGES}
+    values[f"loss_{part}_W"] = np.array([10.0])
     return Result(points=points, feasible=np.array([True]), reason=np.array([""]), values=values)
 
 
@@ -43,16 +45,25 @@ def lost_in(part: str) -> Result:
     [("primary_inner_conduction", 0.01, 1), ("transformer_core", 0.03, 2), ("secondary_conduction", 0.01, 3)],
 )
 def test_a_part_is_seen_by_the_channels_behind_it(part: str, law: float, shown_by: int) -> None:
-    smooth, at_edges = inaccuracy(readings(), lost_in(part))
+    smooth, at_edges, cut_short = inaccuracy(readings(), lost_in(part, primary_rise=0.5))
     own = np.array([channel_named(name).accuracy for name in CHANNELS])
     extra = np.where(np.arange(3) < shown_by, 10.0 * law, 0.0)
     np.testing.assert_allclose(smooth, np.hypot(own, extra), rtol=1e-12)
     assert not np.any(at_edges)
+    assert not np.any(cut_short)
 
 
 def test_what_happens_at_edges_may_also_change_over_a_short_way() -> None:
-    _, at_edges = inaccuracy(readings(), lost_in("primary_outer_switching"))
+    _, at_edges, _ = inaccuracy(readings(), lost_in("primary_outer_switching"))
     np.testing.assert_allclose(at_edges, [0.5, 0.0, 0.0], rtol=1e-12)  # 5 % of 10 W
+
+
+@pytest.mark.parametrize(("missing", "doubt_W"), [(0.0, 0.0), (0.02, 3.0), (0.98, 3.0), (1.0, 0.0)])
+def test_what_a_swing_cut_short_still_loses_is_doubted_most(missing: float, doubt_W: float) -> None:
+    *_, cut_short = inaccuracy(readings(), lost_in("primary_switching", primary_fall=missing))
+    np.testing.assert_allclose(cut_short, [doubt_W, 0.0, 0.0], rtol=1e-12)  # 30 % of 10 W
+    *_, elsewhere = inaccuracy(readings(), lost_in("primary_switching", secondary_lead=missing))
+    assert not np.any(elsewhere)
 
 
 def test_channels_scale_with_the_converter() -> None:

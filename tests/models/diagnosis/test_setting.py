@@ -51,8 +51,10 @@ def test_where_other_channels_tell_too_laws_stay_doubted_as_they_are() -> None:
     seen = observe(simulated_campaign(Model.baseline(), seed=1, count=40), prototype())
     there = signatures(seen, Model.baseline())
     assert setting(seen, there).refinery.known.doubt == 1.0
-    share = there.doubted(seen, 0.1).inaccuracy[0] / there.inaccuracy[0]
-    np.testing.assert_allclose(share, np.where(seen.of("efficiency"), 0.1, 1.0), rtol=1e-12)  # rounding
+    less = there.doubted(seen, 0.1).inaccuracy
+    share = np.where(seen.of("efficiency"), 0.1, 1.0)
+    np.testing.assert_allclose(less[:2], share * there.inaccuracy[:2], rtol=1e-12)  # rounding
+    np.testing.assert_array_equal(less[2], there.inaccuracy[2])  # a swing cut short happens in few rows
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
