@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _WORTH_A_BUDGET = 2.0  # sigmas that all rows left have to tell together, to go on when a verdict is settled
 _WORTH_ANYTHING = 0.05  # sigmas that a row has to tell while none is
 _MOST_ASKED = 80  # candidates of which every explanation is asked what it expects
-_LOADS = 19  # at which the optimum is looked for: every 100 W of 200 to 2000
+_LOADS = 19  # over the range of power, at which the optimum is looked for
 _LOADED_MIN, _UNLOADED_MIN = 4.0, 1.5  # bench minutes of a row, before any was measured
 
 
@@ -139,7 +139,7 @@ class Adaptive:
 
         verdict, settings = found.verdict, self._settings
         stated = f"verdict so far: {verdict.kind}" + "".join(f" {name}" for name in verdict.stated)
-        settled = _is_settled(found, settings.probability)
+        settled = is_settled(found, settings.probability)
         may = Allowed(
             set_points=allowed[:: -(-len(allowed) // _MOST_ASKED)],
             loaded_min=so_far.loaded_min,
@@ -273,7 +273,7 @@ class _SoFar:
         return kinds[last + 1 :].count(Kind.LOAD)
 
 
-def _is_settled(found: "Diagnosis", probability: float) -> bool:
+def is_settled(found: "Diagnosis", probability: float) -> bool:
     """Whether all that is stated is as probable as asked for; a group is that where more rows do not part it.
 
     Few rows show nothing that is surely beyond an ordinary bench: what has to be probable is no cause at all.

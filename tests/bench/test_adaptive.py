@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from bench.adaptive import Adaptive, Choice
+from bench.adaptive import Adaptive, Choice, is_settled
 from bench.campaign import Surroundings, resume_campaign, run_campaign
 from bench.errors import CampaignStopped, InputError
 from bench.job import Job
@@ -148,6 +149,26 @@ def test_the_bench_hears_its_heartbeat_while_points_are_chosen() -> None:
 
 
 # --- the choice -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "left_open", "probability", "enough"),
+    [
+        ("named", False, 0.96, True),
+        ("named", False, 0.90, False),
+        ("group", False, 0.60, True),  # the design ties its causes: more rows would not part them
+        ("group", True, 0.60, False),  # these data did, and more would
+        ("unknown", False, 0.96, False),
+    ],
+)
+def test_a_verdict_is_enough_where_more_rows_would_not_change_it(
+    kind: str, left_open: bool, probability: float, enough: bool
+) -> None:
+    cause = SimpleNamespace(effect="link_resistance", probability=probability)
+    verdict = SimpleNamespace(
+        kind=kind, left_open=left_open, causes=(cause,), stated=() if kind == "unknown" else (cause.effect,),
+    )  # fmt: skip
+    assert is_settled(SimpleNamespace(verdict=verdict), 0.95) is enough  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
