@@ -27,6 +27,7 @@ from sim.model import Model
 FIRST_SEED = 460_000
 NOTHING, POINTS = 40, 110
 ALL, ALONE = "all channels", "efficiency alone"
+_A_GAIN_HERE = "analyzer_range_step"  # the input current never leaves the lower range, where a step is a gain
 _EFFICIENCY = ["time_s", "D1", "D2", "P2_W", "efficiency"]
 
 
@@ -48,7 +49,7 @@ class Said:
 
 def relative_effects(model: Model) -> list[str]:
     """Effects that such a lab can hide and whose sizes are shares; ohms and watts are drawn for the prototype."""
-    absent = absent_effects(model)
+    absent = [*absent_effects(model), _A_GAIN_HERE]
     shares = [name for name in hideable() if CATALOGUE[name].headline.unit == "1" and name not in absent]
     return [name for name in shares if _can_hide(model, name)]
 
