@@ -20,7 +20,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.diagnosis.covariance import kernel
+from models.diagnosis.covariance import AT_EDGES, kernel
 from models.diagnosis.whitener import Whitener
 from models.feasibility import LONGER
 from models.surrogate import EfficiencyModel, StagedModel
@@ -31,7 +31,6 @@ from sim.simulate import can_run, each_can_run, simulate, simulate_many
 
 Array = NDArray[np.float64]
 
-_NEARER = 3.0  # as in the covariance of readings
 _SURE = 2.0  # standard deviations of the most that can be carried
 _LIMIT = 2e-3  # Assumption: of it, how well the simulator itself knows it
 _COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
@@ -63,7 +62,7 @@ class Leftover:
         """Prior covariance of the correction at (N, 5) and (K, 5), in W^2."""
         a_, b_ = a[:, :4] / self.length, b[:, :4] / self.length
         smooth = self.smooth_W**2 * kernel(a_[:, :3], b_[:, :3])
-        rough = self.rough_W**2 * kernel(_NEARER * a_[:, :3], _NEARER * b_[:, :3])
+        rough = self.rough_W**2 * kernel(AT_EDGES * a_[:, :3], AT_EDGES * b_[:, :3])
         analyzer = self.offset_W**2 + self.gain**2 * a[:, 2:3] * b[:, 2]
         in_time = self.drift**2 * kernel(a_[:, 3:], b_[:, 3:]) * a[:, 4:] * b[:, 4]
         return np.asarray(smooth + rough + analyzer + in_time)

@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 _LEAST_DUTY, _LEAST_SHARE = 0.02, 0.05  # ranges of D1, D2 and power (of its largest) that count as one value
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
-_NEARER = (1.0, 3.0, 3.0)  # the lengths over which laws of edges are smooth are a third
+AT_EDGES = 3.0  # laws of edges are smooth over a third of the lengths
+_NEARER = (1.0, AT_EDGES, AT_EDGES)
 
 
 def length_scale(observations: Observations) -> Array:

@@ -227,6 +227,17 @@ def test_soft_switching_flags_are_shares_of_none_or_all(baseline_grid: Result) -
         assert np.mean(flag) > 0.2, edge  # most of the map switches softly at each edge
 
 
+def test_an_edge_is_soft_where_hardly_anything_of_its_swing_is_missing(baseline_grid: Result) -> None:
+    for edge in ("primary_rise", "primary_fall", "secondary_lead", "secondary_lag"):
+        missing, soft = (
+            baseline_grid[f"{said}_{edge}"][baseline_grid.feasible] for said in ("missing", "zvs")
+        )
+        assert np.all((missing >= 0.0) & (missing <= 1.0)), edge
+        np.testing.assert_array_equal(soft == 1.0, missing < 0.01, err_msg=edge)
+    cut_short = baseline_grid["missing_secondary_lead"]
+    assert np.any((cut_short > 0.1) & (cut_short < 0.9))  # some swings are, of thousands
+
+
 def test_the_table_holds_inputs_flags_and_every_result(baseline_grid: Result) -> None:
     table = baseline_grid.columns()
     assert list(table)[:5] == ["D1", "D2", "P_set_W", "feasible", "reason"]
