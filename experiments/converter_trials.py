@@ -1,6 +1,6 @@
 """What the diagnosis says of a converter that it was not tuned on: labs with nothing hidden, and with one effect.
 
-Labs of the second converter (:mod:`experiments.second_converter`), every part off by its everyday spread, are
+Labs of the converter of the experiment second_converter, every part off by its everyday spread, are
 measured at random points. Each table is diagnosed twice: with all channels, and with efficiency alone. The loss of
 this converter is mostly that of its edges, so the laws of switching weigh here as they do not in the prototype.
 """
