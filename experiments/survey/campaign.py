@@ -8,10 +8,8 @@ from bench.prediction import Asked, Forecast
 from drivers.mocks.rack import Rack
 from experiments.survey.steady_plant import efficiency
 
-PATIENCE = {
-    "timeout_s": 0.15,
-    "lateness_s": 0.15,
-}  # of every link: mocks are quick, faults are as late as they say
+_TIMEOUT_S = 0.15  # of a link on which faults strike; the rack tells how long the others are waited for
+_LATENESS_S = 0.15  # of every link: no fault is later than this
 RANGES = {"U1": 300.0, "I1": 10.0, "U2": 150.0, "I2": 20.0, "U3": 300.0, "I3": 10.0, "U4": 150.0, "I4": 20.0}
 
 
@@ -35,12 +33,13 @@ def campaign(points: int, seed: int) -> CampaignConfig:
 
 
 def bench_of(rack: Rack) -> BenchConfig:
-    """The rack as a bench, on fixed ranges and with little patience."""
+    """The rack as a bench, on fixed ranges and with little patience where faults strike."""
     settings = rack.bench_config()
     for name in ("analyzer", "supply", "load", "controller"):
         part = settings[name]
         assert isinstance(part, dict)
-        part |= PATIENCE
+        part.setdefault("timeout_s", _TIMEOUT_S)
+        part["lateness_s"] = _LATENESS_S
     analyzer, limits = settings["analyzer"], settings["limits"]
     assert isinstance(analyzer, dict)
     assert isinstance(limits, dict)

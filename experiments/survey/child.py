@@ -6,6 +6,7 @@ the commit has returned.
 
 import os
 import signal
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,7 +68,8 @@ def live(orders: Orders) -> None:
             else:
                 job = Job.prepare(CampaignConfig.model_validate(orders.campaign), bench, predict=predict)
                 run_campaign(job, store, clock)
-        except (BenchError, InstrumentError):
+        except (BenchError, InstrumentError) as error:
+            print(f"the campaign stopped: {error}", file=sys.stderr, flush=True)
             os._exit(STOPPED)
 
 
