@@ -12,13 +12,17 @@ from sim.stacking import pick
 Array = NDArray[np.float64]
 
 
+SEEN = ("seen_heatsink_C", "seen_I1_A")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Points:
     """N operating points; every field is an array (N,) or a float for all.
 
     ``power_W`` is demanded at the output terminals, negative where they feed back; ``pwm`` false is standby
     (supply on, bridges off). ``time_s`` counts from the campaign's start; ``range_I1_A`` is the
-    analyzer's input current range (0 where not known).
+    analyzer's input current range (0 where not known). ``seen_heatsink_C`` and ``seen_I1_A`` are what a bench read at
+    the point, NaN where it did not: what has a threshold goes by them.
     """
 
     D1: Quantity
@@ -29,6 +33,8 @@ class Points:
     ambient_C: Quantity = 25.0
     time_s: Quantity = 0.0
     range_I1_A: Quantity = 0.0
+    seen_heatsink_C: Quantity = np.nan
+    seen_I1_A: Quantity = np.nan
     pwm: Quantity | NDArray[np.bool_] = True
 
     def __post_init__(self) -> None:
@@ -39,7 +45,8 @@ class Points:
         for field in fields(self):
             values = getattr(self, field.name)
             least = 0.0 if field.name in ("V1_V", "V2_V") else -np.inf
-            wrong = np.flatnonzero(~(np.isfinite(values) & (values > least)))
+            unread = np.isnan(values) if field.name in SEEN else False
+            wrong = np.flatnonzero(~(unread | (np.isfinite(values) & (values > least))))
             if wrong.size:
                 allowed = "above 0 V" if least == 0.0 else "finite numbers"
                 raise ParameterError(
@@ -52,6 +59,10 @@ class Points:
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """Some of the points."""
         return pick(self, chosen)
+
+    def unseen(self) -> Self:
+        """The same points before anything was read there."""
+        return replace(self, **dict.fromkeys(SEEN, np.nan))
 
     @classmethod
     def join(cls, parts: "list[Points]") -> "Points":

@@ -143,7 +143,7 @@ def bench_options(
             rows=rows,
         )
     most = int(np.argmax(np.asarray(points.power_W)))
-    at, one = _set_points(points)[most], points.take(np.array([most]))
+    at, one = _set_points(points)[most], points.take(np.array([most])).unseen()
     warmer = replace(one, ambient_C=np.asarray(one.ambient_C) + _AMBIENT_K)
     said_so = f"warm the room by {_AMBIENT_K:.0f} K and measure {said(at)}"
     what.append(Option(action=said_so, minutes=_AMBIENT_MIN, set_point=at, by_hand=True))

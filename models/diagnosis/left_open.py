@@ -16,7 +16,7 @@ were found to be beside it, :math:`(C_* - J_p^T J_{p*})^T C^{-1} r` with :math:`
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -28,7 +28,7 @@ from models.diagnosis.observations import Channel, Observations, observe
 from models.diagnosis.predictions import Repeated
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures, signatures
-from sim.operating_points import Points
+from sim.operating_points import SEEN, Points
 from sim.simulate import Result
 
 Array = NDArray[np.float64]
@@ -58,6 +58,7 @@ class Ahead:
         frame = pd.DataFrame({name: np.broadcast_to(value, size) for name, value in columns.items()})
         frame = frame.assign(kind=kind, **{c.column: 1.0 for c in self.channels})
         seen = observe(frame, refinery.baseline.converter, refinery.observations.processes)
+        seen = replace(seen, points=replace(seen.points, **{name: getattr(p, name) for name in SEEN}))
         place = np.array([self.channels.index(c) for c in seen.channels])
         return seen, len(self.channels) * seen.row + place[seen.channel]
 

@@ -160,6 +160,8 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
         ambient_C=column("T_ambient_C", 25.0),
         time_s=column("time_s", 0.0),
         range_I1_A=column("range_I1_A", 0.0),
+        seen_heatsink_C=column("T_heatsink_C", np.nan),
+        seen_I1_A=column("I1_A", np.nan),
         pwm=~standby,
     )
 

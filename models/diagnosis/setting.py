@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import noiseless_covariance
@@ -180,14 +179,11 @@ class _Bench:
 
 
 def _state(observations: Observations, near: Result) -> dict[str, Array]:
-    """What a threshold may be of, (N,) by row of the frame: measured where it was, else as the baseline has it."""
+    """What a threshold may be of where nobody read it, (N,) by row of the frame, as the baseline has it."""
     used, state = np.unique(observations.row), {}
     for name in ("T_heatsink_C", "I1_A"):
-        known = np.full(len(observations.frame), np.nan)
-        known[used] = near[name]
-        if name in observations.frame:
-            known = observations.frame[name].astype(float).fillna(pd.Series(known)).to_numpy()
-        state[name] = known
+        state[name] = np.full(len(observations.frame), np.nan)
+        state[name][used] = near[name]
     return state
 
 

@@ -36,18 +36,28 @@ class AmbientDrift(Effect):
         )
 
 
+def _heatsink_C(points: Points, state: Mapping[str, Array]) -> Array:
+    """The heatsink's temperature as it was read, else as it is simulated: a model errs by more than a sensor."""
+    return np.where(np.isnan(points.seen_heatsink_C), state["T_heatsink_C"], points.seen_heatsink_C)
+
+
+def _input_A(points: Points, state: Mapping[str, Array]) -> Array:
+    """The input current, alike: the analyzer chooses its range by what it reads."""
+    return np.where(np.isnan(points.seen_I1_A), state["I1_A"], points.seen_I1_A)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FanStep(Effect):
     """A fan that switches on above a heatsink temperature."""
 
     def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
         """The fan's power where the heatsink is warmer than the threshold."""
-        hot = state["T_heatsink_C"] > self.value(values, "threshold_C")
+        hot = _heatsink_C(points, state) > self.value(values, "threshold_C")
         return np.where(hot, self.value(values), 0.0)
 
     def undecided(self, points: Points, state: Mapping[str, Array], values: Values) -> NDArray[np.bool_]:
         """Where the heatsink is about as warm as the threshold."""
-        return self.near("threshold_C", state["T_heatsink_C"], values)
+        return self.near("threshold_C", _heatsink_C(points, state), values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,12 +108,12 @@ class AnalyzerRangeStep(Effect):
         step = self.value(values)
         if step == 0.0:
             return truth
-        low = truth["I1_A"] < self.value(values, "boundary_A")
+        low = _input_A(points, truth) < self.value(values, "boundary_A")
         return _show_input(points, truth, truth["P1_W"] * np.where(low, 1.0 + step, 1.0))
 
     def undecided(self, points: Points, state: Mapping[str, Array], values: Values) -> NDArray[np.bool_]:
         """Where the input current is about the boundary."""
-        return self.near("boundary_A", state["I1_A"], values)
+        return self.near("boundary_A", _input_A(points, state), values)
 
 
 def _one(name: str, unit: str, tolerance: float, prior: float, lower: float, upper: float) -> EffectParameter:

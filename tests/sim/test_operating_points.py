@@ -26,6 +26,15 @@ def test_a_voltage_of_zero_is_refused() -> None:
         Points(D1=0.9, D2=0.1, power_W=100.0, V1_V=[300.0, 0.0])
 
 
+def test_what_nobody_read_is_no_number_and_everything_else_is_one() -> None:
+    points = Points(D1=[0.9, 0.8], D2=0.1, power_W=500.0, seen_heatsink_C=[41.0, np.nan])
+    np.testing.assert_array_equal(np.isnan(points.seen_heatsink_C), [False, True])
+    assert np.all(np.isnan(points.unseen().seen_heatsink_C))
+    for name in ("seen_I1_A", "time_s"):
+        with pytest.raises(ParameterError, match=name):
+            Points(D1=0.9, D2=0.1, power_W=[500.0], **{name: np.inf})
+
+
 def test_the_grid_has_its_end_points() -> None:
     points = grid((3, 4, 5))
     assert len(points) == 60

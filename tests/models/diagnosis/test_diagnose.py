@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from models.dataset import load_measurements
@@ -111,3 +112,13 @@ def test_what_is_left_out_of_the_catalogue_cannot_be_a_cause() -> None:
     frame = simulated_campaign(model, seed=2, count=24)[EFFICIENCY_ONLY]
     diagnosis = diagnose(load_measurements(frame), without=["auxiliary_power"])
     assert "auxiliary_power" not in [cause.effect for cause in diagnosis.verdict.causes]
+
+
+def test_a_fan_goes_by_the_heatsinks_measured_temperature_however_far_the_simulation_is_off() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=1, count=48)
+    frame["T_heatsink_C"] -= np.linspace(0.0, 8.0, len(frame))  # a room that cools, and nobody notes it
+    frame["P1_W"] += 4.0 * (frame["T_heatsink_C"] > 40.0)
+    frame["efficiency"] = frame["P2_W"] / frame["P1_W"]
+    verdict = diagnose(load_measurements(frame)).verdict
+    assert verdict.stated == ("fan_step",)
+    assert verdict.causes[0].term.value == pytest.approx(4.0, abs=0.05)  # half the smooth inaccuracy of 0.1 W

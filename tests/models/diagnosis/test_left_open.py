@@ -93,3 +93,9 @@ def test_somebody_at_the_bench_is_asked_and_the_points_that_help_without_are_tol
     assert found.next[0].by_hand
     assert "no point will do" in found.next[-1].action  # with dc powers alone
     assert all(not step.by_hand for step in found.steps(Allowed(by_hand=False))[:-1])
+
+
+def test_what_is_measured_again_is_on_the_side_of_a_threshold_where_it_was_read(found: Diagnosis) -> None:
+    points = Points(D1=[0.9, 0.9], D2=0.1, power_W=900.0, seen_heatsink_C=[45.0, np.nan])
+    seen, _ = Ahead(points=points, channels=(channel_named("T_heatsink_C"),)).observed(found.refinery)
+    np.testing.assert_array_equal(seen.points.seen_heatsink_C, [45.0, np.nan])

@@ -1,5 +1,7 @@
 """What each kind of effect does, where the answer is known by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -111,6 +113,20 @@ def test_near_its_threshold_a_point_is_undecided() -> None:
     state = {"T_heatsink_C": heatsink_C}
     np.testing.assert_array_equal(fan.undecided(POINTS, state, {"threshold_C": 40.0}), [False, True, True])
     assert not none.undecided(POINTS, state, {}).any()
+
+
+def test_a_threshold_goes_by_what_was_read_where_it_was() -> None:
+    before = simulate(Model.baseline(), POINTS)
+    shown_C, shown_A = before["T_heatsink_C"] + [9.0, 0.0, np.nan], before["I1_A"] + [0.3, 0.0, np.nan]
+    read = replace(POINTS, seen_heatsink_C=shown_C, seen_I1_A=shown_A)
+    for name, quantity, other in (
+        ("fan_step", "T_heatsink_C", {"power_W": 4.0, "threshold_C": before["T_heatsink_C"][0] + 8.0}),
+        ("analyzer_range_step", "I1_A", {"relative_step": 0.01, "boundary_A": before["I1_A"][0] + 0.2}),
+    ):
+        model = Model.baseline().with_effect(name, **other)
+        added = simulate(model, read)["P1_W"] - simulate(model, POINTS)["P1_W"]
+        assert np.abs(added[0]) > 3.0, quantity  # the first point was read to lie on the other side
+        np.testing.assert_allclose(added[1:], 0.0, atol=1e-6)
 
 
 def test_a_scaled_parts_spread_is_scaled_and_a_replaced_one_has_none() -> None:
