@@ -69,7 +69,7 @@ def live(orders: Orders) -> None:
                 job = Job.prepare(CampaignConfig.model_validate(orders.campaign), bench, predict=predict)
                 run_campaign(job, store, clock)
         except (BenchError, InstrumentError) as error:
-            print(f"the campaign stopped: {error}", file=sys.stderr, flush=True)
+            sys.stderr.write(f"the campaign stopped: {error}\n")
             os._exit(STOPPED)
 
 
