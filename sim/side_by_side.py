@@ -4,6 +4,8 @@ A process that is forked has all that this one has at once, so nothing is import
 is pickled. Nothing is forked where threads run (a server, a dashboard): a lock that one of them holds would stay locked
 in the copy. Then, and for a single part, all is done here, one part after the other.
 
+What a part would share itself is done where that part is: all processes are busy.
+
 A program that computes in parts again and again keeps its forks (:func:`kept`): after a fork both sides copy every page
 that they write to, each time anew. A fork that is kept knows nothing of what came later, so its parts are pickled too.
 """
@@ -73,6 +75,7 @@ class _Fork:
 
 
 _kept: list[_Fork] = []
+_parts_run = False  # here, or because this is a fork
 
 
 class ProcessEnded(RuntimeError):
@@ -81,7 +84,8 @@ class ProcessEnded(RuntimeError):
 
 def can_fork() -> bool:
     """Whether parts would be done side by side here."""
-    return "fork" in multiprocessing.get_all_start_methods() and threading.active_count() == 1
+    alone = threading.active_count() == 1 and not _parts_run
+    return alone and "fork" in multiprocessing.get_all_start_methods()
 
 
 def shared_out(size: int, parts: int) -> list[NDArray[np.intp]]:
@@ -91,6 +95,29 @@ def shared_out(size: int, parts: int) -> list[NDArray[np.intp]]:
     [[0, 2, 4], [1, 3]]
     """
     return [np.arange(first, size, parts) for first in range(parts)]
+
+
+def dealt(costs: Sequence[float], parts: int) -> list[NDArray[np.intp]]:
+    """Rows of each part, about alike in all that they cost.
+
+    >>> [rows.tolist() for rows in dealt([1, 1, 3, 1, 1], 2)]
+    [[2, 4], [0, 1, 3]]
+    """
+    shares, total = [list[int]() for _ in range(parts)], [0.0] * parts
+    for row in sorted(range(len(costs)), key=lambda k: -costs[k]):
+        least = total.index(min(total))
+        shares[least].append(row)
+        total[least] += costs[row]
+    return [np.array(sorted(share), dtype=np.intp) for share in shares]
+
+
+def at_once(*calls: Callable[[], Any]) -> list[Any]:
+    """What calls return that do not depend on each other; for forks that are kept they are partial functions."""
+    return side_by_side(_called, calls)
+
+
+def _called(call: Callable[[], Any]) -> Any:
+    return call()
 
 
 def side_by_side(work: Callable[[P], R], parts: Sequence[P]) -> list[R]:
@@ -112,7 +139,7 @@ def side_by_side(work: Callable[[P], R], parts: Sequence[P]) -> list[R]:
     try:
         for part in parts[1:]:
             started.append(_Fork.of(_answer, work, part))
-        return [work(parts[0]), *(fork.result() for fork in started)]
+        return [_here(work, parts[0]), *(fork.result() for fork in started)]
     finally:
         for fork in started:
             fork.end()
@@ -131,12 +158,21 @@ def kept(processes: int) -> Iterator[None]:
         _end_kept()
 
 
+def _here(work: Callable[[P], R], part: P) -> R:
+    global _parts_run
+    _parts_run = True
+    try:
+        return work(part)
+    finally:
+        _parts_run = False
+
+
 def _by_kept(work: Callable[[P], R], parts: Sequence[P]) -> list[R]:
     helping = _kept[: len(parts) - 1]
     try:
         for fork, part in zip(helping, parts[1:], strict=True):
             fork.ask(work, part)
-        return [work(parts[0]), *(fork.result() for fork in helping)]
+        return [_here(work, parts[0]), *(fork.result() for fork in helping)]
     except BaseException:  # what still comes back would be taken for an answer to the next question
         _end_kept()
         raise
@@ -170,7 +206,7 @@ def _serve(here: Connection, there: Connection) -> None:
 
 def _send(there: Connection, work: Callable[[P], R], part: P) -> None:
     try:
-        answer: tuple[R | None, Exception | None] = (work(part), None)
+        answer: tuple[R | None, Exception | None] = (_here(work, part), None)
     except Exception as error:  # noqa: BLE001  raised again where the parts meet
         answer = (None, error)
     there.send(answer)

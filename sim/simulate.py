@@ -23,7 +23,7 @@ from sim.neighbours import Response, approach, started, unknowns_of
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.piecewise import power_share
-from sim.side_by_side import shared_out, side_by_side
+from sim.side_by_side import dealt, side_by_side
 from sim.stacking import pick, stack
 from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, WarmStart, station_of
 
@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
 _SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
-_WORTH_SHARING = 600  # rows in each process: twice as long as a fork takes
+_WORTH_SHARING = 400  # rows in each process: to send them takes a tenth of what they take
+_SATURATING = 15  # others at the same points take as long as one variant that saturates
 _MANY = 4  # variants at once that pay for their response being learned
 
 
@@ -149,7 +150,8 @@ def _all_solved(
 ) -> "list[_Solution]":
     """Converters at their points, all in one call but for those that saturate, and a call in each process."""
     size = len(circuits[0][1])
-    parts = shared_out(len(circuits), processes if len(circuits) * size >= processes * _WORTH_SHARING else 1)
+    cost = [_SATURATING if c.inductor.saturates else 1 for c, _ in circuits]
+    parts = dealt(cost, processes if len(circuits) * size >= processes * _WORTH_SHARING else 1)
     shares = [([circuits[k] for k in part], seed, [starts[k] for k in part]) for part in parts]
     # shares come back whole: to pickle a few long columns takes a tenth of what many short ones do
     found = {

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,13 @@ from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.extension import extended, interval
 from models.diagnosis.gain import Gain, Readings, held_out_gains
+from models.diagnosis.gap import gap, share_of_gap
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
     NextMeasurement,
     Rival,
+    asks_again,
     next_measurements,
     rivals_of,
 )
@@ -38,7 +40,7 @@ from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
-from sim.side_by_side import kept
+from sim.side_by_side import at_once, kept
 
 Array = NDArray[np.float64]
 
@@ -53,7 +55,10 @@ class TooFewPoints(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """The verdict with everything that it rests on; what to measure next is found when it is asked for."""
+    """The verdict with everything that it rests on; what to measure next is found when it is asked for.
+
+    ``ahead`` is that where a process had time for it.
+    """
 
     verdict: Verdict
     observations: Observations
@@ -74,11 +79,12 @@ class Diagnosis:
     edge: Observations
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
+    ahead: list[NextMeasurement] | None = None
 
     @cached_property
     def next(self) -> list[NextMeasurement]:
         """What is worth measuring next of everything, in its order."""
-        return self.steps(ANYTHING)
+        return self.steps(ANYTHING) if self.ahead is None else self.ahead
 
     @cached_property
     def calibrated(self) -> CalibratedPhysics:
@@ -177,36 +183,6 @@ class Diagnosis:
             "says": entry.says,
             "check": entry.check_on_bench,
         }
-
-
-def _gap(observations: Observations, residual: Array) -> dict[str, Any]:
-    """How far the simulation is off in efficiency and watts, and where it is worst."""
-    judged = observations.of("efficiency") & observations.loaded[observations.row]
-    row, watts = observations.row[judged], residual[judged]
-    power = np.asarray(observations.points.power_W)[row]
-    measured = observations.value[judged]
-    efficiency = power / measured - power / (measured - watts)
-    worst = int(np.argmax(np.abs(efficiency)))
-    frame = observations.frame.iloc[row[worst]]
-    return {
-        "mean_abs_efficiency": float(np.mean(np.abs(efficiency))),
-        "mean_loss_W": float(np.mean(watts)),
-        "worst": {
-            "efficiency": float(efficiency[worst]),
-            "loss_W": float(watts[worst]),
-            "D1": float(frame["D1"]),
-            "D2": float(frame["D2"]),
-            "P2_W": float(frame["P2_W"]),
-        },
-    }
-
-
-def _share_of_gap(observations: Observations, residual: Array, shift: Array) -> float:
-    """How much of the mean absolute gap in watts a shift of the prediction takes away."""
-    judged = observations.of("efficiency") & observations.loaded[observations.row]
-    before = float(np.mean(np.abs(residual[judged])))
-    after = float(np.mean(np.abs((residual - shift)[judged])))
-    return float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 0.0
 
 
 def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Fit:
@@ -354,15 +330,16 @@ def _diagnosed(
     if verdict.stated:
         progress("holding out blocks")
     chosen, rivals = _leading(hypotheses, verdict), rivals_of(hypotheses, refinery)
+    gains, ahead = _at_the_end(setting, hypotheses, rivals, verdict, seed)
     return Diagnosis(
         verdict=verdict,
         observations=observations,
         baseline=baseline,
         residual=refinery.residual,
         noise=noise,
-        gap=_gap(observations, refinery.residual),
-        share={c.effect: _share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
-        gains=_gains(setting, hypotheses, verdict, seed),
+        gap=gap(observations, refinery.residual),
+        share={c.effect: share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
+        gains=gains,
         rivals=rivals,
         refinery=refinery,
         unexplained=nameless if nameless is not None and nameless.likely else None,
@@ -377,7 +354,20 @@ def _diagnosed(
             *(row | {"row": measurements.rows[row["row"]]} for row in (*rejected, *_outliers(setting))),
         ],
         rejected_columns=rejected_columns,
+        ahead=ahead,
     )
+
+
+def _at_the_end(
+    setting: Setting, hypotheses: list[Hypothesis], rivals: list[Rival], verdict: Verdict, seed: int
+) -> tuple[tuple[Gain, ...], list[NextMeasurement] | None]:
+    """What the stated causes are worth; at the same time what to measure next, where one process does for that."""
+    gains = partial(_gains, setting, hypotheses, verdict, seed)
+    refinery, o = setting.refinery, setting.refinery.observations
+    if o.processes < 2 or not (verdict.stated and len(rivals) > 1 and asks_again(refinery)):
+        return gains(), None
+    found, ahead = at_once(gains, partial(next_measurements, o, rivals, refinery=refinery))
+    return found, ahead
 
 
 def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:

@@ -170,39 +170,44 @@ class Geometry:
         self, seen: Sequence[Projection], own: Sequence[Rows], leftovers: Sequence[Leftover | None]
     ) -> list[tuple[Array, Array]]:
         """The same of many projections, each beside L leftovers: products (L, k, k) and log-determinants (L,)."""
-        ends = np.cumsum([0, *(p.on_spreads.shape[1] for p in seen)]).tolist()
-        found = [
-            (
-                np.empty((len(leftovers), b - a, b - a)),
-                np.empty((len(leftovers), o.size, b - a)),
-                np.empty((len(leftovers), o.size, o.size)),
-            )
-            for (a, b), o in zip(pairwise(ends), own, strict=True)
-        ]
-        log_det = np.zeros(len(leftovers))
+        widths = np.array([p.on_spreads.shape[1] for p in seen])
+        order = np.argsort(widths, kind="stable")  # those of one width side by side: one call for all of them
+        ends = np.cumsum([0, *widths[order]]).tolist()
+        first = np.flatnonzero(np.diff(widths[order], prepend=0)).tolist()
+        groups = [(order[a:b], slice(ends[a], ends[b])) for a, b in pairwise([*first, order.size])]
         named, place = np.unique(np.concatenate(own), return_inverse=True)
         places = np.split(place, np.cumsum([o.size for o in own])[:-1])
-        on_spreads = np.concatenate([p.on_spreads[named] for p in seen], axis=1)
-        on_basis = np.concatenate([p.on_basis for p in seen], axis=1)
+        on_spreads = np.concatenate([seen[n].on_spreads[named] for n in order], axis=1)
+        on_basis = np.concatenate([seen[n].on_basis for n in order], axis=1)
         among = self.between_spreads[named[:, None], named]
+        count, log_det = len(leftovers), np.zeros(len(leftovers))
+        inner = [np.empty((g.size, count, widths[g[0]], widths[g[0]])) for g, _ in groups]
+        each_other = [np.stack([seen[n].each_other for n in g]) for g, _ in groups]
+        outer, between = np.empty((count, named.size, ends[-1])), np.empty((count, named.size, named.size))
         at: tuple[Rows | None, Array] = None, np.empty((0, 0))
         for k, leftover in enumerate(leftovers):
-            on, outer, between = np.zeros((1, ends[-1])), on_spreads, among
-            if leftover is not None:
-                let_in = self.admitted[leftover.key]
-                if at[0] is not leftover.columns:
-                    at = leftover.columns, on_basis[leftover.columns]
-                on, through = root_solved(let_in.root, leftover.amplitude_W * at[1]), let_in.through(named)
-                outer, between = outer - through.T @ on, between - through.T @ through
-                log_det[k] = let_in.log_det
-            for p, o, (inner, outside, inside), (a, b) in zip(
-                seen, places, found, pairwise(ends), strict=True
-            ):
-                inner[k] = p.each_other - on[:, a:b].T @ on[:, a:b]
-                outside[k], inside[k] = outer[o, a:b], between[o[:, None], o]
-        return (
-            [_taken_out(*parts, log_det) for parts in found] if len(leftovers) > 1 else _once(found, log_det)
-        )
+            outer[k], between[k] = on_spreads, among
+            if leftover is None:
+                for products, alone in zip(inner, each_other, strict=True):
+                    products[:, k] = alone
+                continue
+            let_in = self.admitted[leftover.key]
+            if at[0] is not leftover.columns:
+                at = leftover.columns, on_basis[leftover.columns]
+            on, through = root_solved(let_in.root, leftover.amplitude_W * at[1]), let_in.through(named)
+            outer[k] -= through.T @ on
+            between[k] -= through.T @ through
+            log_det[k] = let_in.log_det
+            for products, alone, (g, columns) in zip(inner, each_other, groups, strict=True):
+                part = on[:, columns].reshape(len(on), g.size, -1).swapaxes(0, 1)
+                np.subtract(alone, part.swapaxes(1, 2) @ part, out=products[:, k])
+        found: list[tuple[Array, Array, Array]] = [(outer, outer, outer)] * len(seen)
+        for products, (g, columns) in zip(inner, groups, strict=True):
+            seen_here = np.split(outer[:, :, columns], g.size, axis=2)
+            for n, own_products, outside in zip(g.tolist(), products, seen_here, strict=True):
+                o = places[n]
+                found[n] = own_products, outside[:, o], between[:, o[:, None], o]
+        return [_taken_out(*parts, log_det) for parts in found] if count > 1 else _once(found, log_det)
 
     def solve(self, vectors: Array, own: Rows, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of vectors (k, M), without the spreads ``own``, with a leftover."""

@@ -249,10 +249,12 @@ def _law_let_in(inner: Array, log_det: Array, vectors: int) -> tuple[Array, Arra
     more = inner.shape[-1] - vectors
     if not more:
         return inner, log_det
-    root = np.linalg.cholesky(np.eye(more) + inner[..., vectors:, vectors:])
-    onto = np.linalg.solve(root, inner[..., vectors:, :vectors])
-    log_det = log_det + 2.0 * np.sum(np.log(np.diagonal(root, axis1=-2, axis2=-1)), axis=-1)
-    return inner[..., :vectors, :vectors] - np.swapaxes(onto, -1, -2) @ onto, log_det
+    # the directions first: one root says what is seen of both
+    order = np.roll(np.arange(more + vectors), more)
+    root = np.linalg.cholesky(np.eye(more + vectors) + inner[..., order[:, None], order])
+    onto = np.asarray(root[..., more:, :more])
+    log_det = log_det + 2.0 * np.sum(np.log(np.diagonal(root, axis1=-2, axis2=-1)[..., :more]), axis=-1)
+    return inner[..., :vectors, :vectors] - onto @ np.swapaxes(onto, -1, -2), log_det
 
 
 def _inside(bounds: tuple[Array | float, Array | float], mean: Array | float, sigma: Array | float) -> Array:

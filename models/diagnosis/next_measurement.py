@@ -172,13 +172,23 @@ def next_measurements(
     return steps
 
 
-def _again(refinery: Refinery, rivals: Sequence[Rival]) -> Again | None:
-    """The measured rows that tell most, where there are enough of them and nothing has to be simulated anew."""
+def asks_again(refinery: Refinery) -> bool:
+    """Whether measured rows are asked for again: there are enough of them and nothing has to be simulated anew."""
+    kind = _measured_kinds(refinery)
+    return refinery.near is not None and int(np.sum(kind == "load")) >= _MANY and set(UNLOADED) <= set(kind)
+
+
+def _measured_kinds(refinery: Refinery) -> NDArray[np.str_]:
+    """Of the rows with readings."""
     o = refinery.observations
-    kind, used = o.frame["kind"].to_numpy(), np.unique(o.row)
-    among = used[kind[used] == "load"]
-    if refinery.near is None or among.size < _MANY or not set(UNLOADED) <= set(kind[used]):
+    return np.asarray(o.frame["kind"].to_numpy()[np.unique(o.row)])
+
+
+def _again(refinery: Refinery, rivals: Sequence[Rival]) -> Again | None:
+    """The measured rows that tell most, where they are asked for again."""
+    if refinery.near is None or not asks_again(refinery):
         return None
+    among = np.unique(refinery.observations.row)[_measured_kinds(refinery) == "load"]
     rows = telling_rows(refinery, [(r.fit, r.probability) for r in rivals], among)
     return Again(rows=rows[:_LOOKED_AT], near=refinery.near)
 

@@ -1,9 +1,9 @@
 """Signatures: how every effect, and every everyday spread, moves the whole vector of readings."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from typing import Any, Self
+from functools import lru_cache, partial
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
-from sim.side_by_side import side_by_side
+from sim.side_by_side import at_once
 from sim.simulate import Case, Points, Result, can_run, simulate_each
 from sim.spread import Spread, everyday_spread
 
@@ -282,15 +282,10 @@ def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np
     """Readings (M,) of rows with power to spare, and a reference of those rows where a process had time for it."""
     if observations.processes < 2:
         return power_to_spare(observations, baseline), None
-    asked = [(work, observations, baseline) for work in (power_to_spare, Observations.reference)]
-    spare, near = side_by_side(_answered, asked)
+    asked = partial(power_to_spare, observations, baseline), partial(observations.reference, baseline)
+    spare, near = at_once(*asked)
     used = np.unique(observations.row)
     return spare, near.take(np.searchsorted(used, np.unique(observations.row[spare])))
-
-
-def _answered(asked: tuple[Callable[[Observations, Model], Any], Observations, Model]) -> Any:
-    work, observations, baseline = asked
-    return work(observations, baseline)
 
 
 def _inputs(p: Points) -> list[Points]:
