@@ -17,6 +17,7 @@ _SEPARATED = (
     "columns are separated by ',' with '.' as decimal sign, or by ';' or tab with either decimal sign"
 )
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_DECIMAL_POINT = re.compile(r"[+-]?[\d,]*\.\d*([eE][+-]?\d+)?")  # not a date, 20.11.2026
 _COMMENT = "#"
 _MINUS = "\N{MINUS SIGN}"  # what word processors and some locales write before a number
 _WORKBOOK = b"PK\x03\x04"
@@ -39,8 +40,8 @@ def read_csv(path: Path, numeric: Collection[str]) -> CsvTable:
     """Read a table; columns named in ``numeric`` stay text, others become what all their values are.
 
     Empty lines, and lines before the header that begin with ``#``, are no rows. The separator is the one that cuts the
-    header into most columns, the comma of equals. A comma in a numeric column is the decimal sign, unless a point is
-    used as well.
+    header into most columns, the comma of equals. A comma in a numeric column is the decimal sign, unless some number
+    there has a point.
 
     Raises
     ------
@@ -136,7 +137,7 @@ def _convert(frame: pd.DataFrame, numeric: Collection[str]) -> None:
     numbers = [column for column in once if column in numeric]
     for column in numbers:
         frame[column] = [v.replace(_MINUS, "-") if isinstance(v, str) else None for v in frame[column]]
-    if not any("." in value for column in numbers for value in frame[column].dropna()):
+    if not any(_DECIMAL_POINT.fullmatch(value) for column in numbers for value in frame[column].dropna()):
         for column in numbers:
             frame[column] = _with_point(frame[column])
     for column in once:

@@ -6,7 +6,7 @@ out and listed (:mod:`models.screening`); columns that are not known here are ke
 """
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,11 +15,12 @@ import pandas as pd
 import pyarrow
 
 from models.csv_table import CsvError, CsvTable, read_csv
-from models.other_names import OtherName, OtherNameError, as_option, nearest, renamed
+from models.other_names import OtherName, OtherNameError, as_option, meant, renamed
 from models.screening import (
     KNOWN_COLUMNS,
     LOADED_KINDS,
     NUMERIC_COLUMNS,
+    OPTIONAL_COLUMNS,
     RejectedRow,
     complete,
     numbers,
@@ -27,6 +28,7 @@ from models.screening import (
 )
 
 SET_POINT = ("D1", "D2", "P2_W")
+_NO_FILE = "table"  # what a frame is called
 
 
 class DatasetError(ValueError):
@@ -62,7 +64,7 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
     DatasetError
         The file cannot be read, a required column is missing, or no row can be used.
     """
-    name = "table" if isinstance(source, pd.DataFrame) else str(source)
+    name = _NO_FILE if isinstance(source, pd.DataFrame) else str(source)
     read = _whole(source) if isinstance(source, pd.DataFrame) else _read(source, names)
     raw = read.frame
     try:
@@ -140,17 +142,25 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
     if not missing:
         return
     foreign = [column for column in there if column not in KNOWN_COLUMNS]
-    near = {column: nearest(column, foreign) for column in missing}
+    either = [column for column in ("P1_W", "efficiency") if "P1_W" in missing]
+    wanted = [column for column in missing if column != "P1_W"]
+    optional = [column for column in OPTIONAL_COLUMNS if column not in there]
+    near = meant(wanted, [*either, *optional], foreign)
+    if either and not any(column in near for column in either):
+        near |= meant(either[:1], (), [column for column in foreign if column not in near.values()])
     said = "; ".join(
         f"required column {'P1_W or efficiency' if column == 'P1_W' else column} is missing"
-        + (f" (is {near[column]!r} meant?)" if near[column] else "")
+        + (f" (is {theirs!r} meant?)" if (theirs := near.get(column) or _or_efficiency(column, near)) else "")
         for column in missing
     )
     required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there)}"
-    optional = [column for column in NUMERIC_COLUMNS if column not in (*near, *there)]
-    near |= {column: nearest(column, foreign, surely=True) for column in optional}
-    options = [as_option(column, theirs) for column, theirs in near.items() if theirs]
     if foreign:
-        example = " ".join(options) or "--column OURS=THEIRS*FACTOR"
-        required += f"; other names and units are taken by d2ea import {example}"
+        example = " ".join(as_option(*pair) for pair in near.items()) or "--column OURS=THEIRS*FACTOR"
+        file = "" if name == _NO_FILE else f'"{name}" '
+        required += f"; other names and units are taken by d2ea import {file}{example}"
     raise DatasetError("; ".join([f"{name}: {said}", required, *read.notes]))
+
+
+def _or_efficiency(column: str, near: Mapping[str, str]) -> str | None:
+    """Efficiency will do where input power is missing."""
+    return near.get("efficiency") if column == "P1_W" else None

@@ -10,10 +10,26 @@ import pandas as pd
 
 from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS
 
-_UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")  # at the end of a header, in brackets
-_OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
 _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "ms": 1e-3,
             "min": 60.0, "h": 3600.0}  # fmt: skip
+_OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
+_UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a stroke or an underscore
+    r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|[ _/]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|s|%|percent|°C)\s*$"
+)
+_ALSO_CALLED = {
+    "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad"),
+    "D2": ("inner_phase_shift", "innere_phase"),
+    "P1_W": ("pin", "p_in", "input_power", "power_in", "eingangsleistung"),
+    "P2_W": ("pout", "p_out", "output_power", "power_out", "ausgangsleistung"),
+    "efficiency": ("eta", "η", "eff", "wirkungsgrad"),
+    "time_s": ("timestamp", "zeit", "zeitstempel"),
+    "V1_V": ("u1", "vin", "v_in", "uin", "u_in", "input_voltage", "eingangsspannung"),
+    "V2_V": ("u2", "vout", "v_out", "uout", "u_out", "output_voltage", "ausgangsspannung"),
+    "I1_A": ("iin", "i_in", "input_current", "eingangsstrom"),
+    "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom"),
+    "T_heatsink_C": ("heatsink", "heatsink_temperature", "kühlkörper", "kühlkörpertemperatur"),
+    "T_ambient_C": ("ambient", "ambient_temperature", "umgebung", "umgebungstemperatur"),
+}  # what other people's tables call it, without the unit and in lower case
 
 
 class OtherNameError(ValueError):
@@ -85,31 +101,54 @@ def renamed(raw: pd.DataFrame, names: Sequence[OtherName]) -> pd.DataFrame:
     return frame
 
 
-def nearest(ours: str, there: Sequence[str], *, surely: bool = False) -> str | None:
-    """The column that is meant by one of the measurement table: the same but for unit and case, else the most alike.
+def meant(required: Sequence[str], optional: Sequence[str], there: Sequence[str]) -> dict[str, str]:
+    """Which of a table's columns is meant by each of ours, as far as one seems to be; none is meant twice.
 
-    >>> nearest("P2_W", ["D2 [-]", "P2 (kW)"]), nearest("P2_W", ["P_2"]), nearest("P2_W", ["P_2"], surely=True)
-    ('P2 (kW)', 'P_2', None)
+    A column is meant where its name is the same but for unit and case, or is one that others use; of the required ones
+    also where our name is a word of it, or the two are alike.
+
+    >>> meant(["P2_W", "P1_W"], ["D0"], ["pout_mW", "pin_mW", "D0 [-]"])
+    {'P2_W': 'pout_mW', 'P1_W': 'pin_mW', 'D0': 'D0 [-]'}
+    >>> meant(["D1", "P2_W"], ["D0"], ["Tastgrad D1", "P_2", "D_0"])
+    {'D1': 'Tastgrad D1', 'P2_W': 'P_2'}
     """
-    names = {_bare(column): column for column in reversed(there)}
-    quantity = next((ours.removesuffix(unit) for unit in _OUR_UNITS if ours.endswith(unit)), ours)
-    for same in (ours.lower(), quantity.lower()):
-        if same in names:
-            return names[same]
-    near = [] if surely else difflib.get_close_matches(ours.lower(), list(names), n=1, cutoff=0.5)
-    return names[near[0]] if near else None
+    left = {_bare(column): column for column in reversed(there)}
+    found = {}
+    for asked, find in (((*required, *optional), _same), (required, _a_word_of_it), (required, _alike)):
+        for ours in asked:
+            if ours not in found and (name := find(ours, list(left))):
+                found[ours] = left.pop(name)
+    return {ours: found[ours] for ours in (*required, *optional) if ours in found}
+
+
+def _same(ours: str, names: Sequence[str]) -> str | None:
+    called = (ours.lower(), _quantity(ours).lower(), *_ALSO_CALLED.get(ours, ()))
+    return next((name for name in called if name in names), None)
+
+
+def _a_word_of_it(ours: str, names: Sequence[str]) -> str | None:
+    return next((name for name in names if _quantity(ours).lower() in name.split("_")), None)
+
+
+def _alike(ours: str, names: Sequence[str]) -> str | None:
+    return next(iter(difflib.get_close_matches(ours.lower(), names, n=1, cutoff=0.5)), None)
 
 
 def as_option(ours: str, theirs: str) -> str:
     """What to give d2ea import for a column; with the factor where the header's unit is another one.
 
-    >>> as_option("P2_W", "P2 (kW)")
-    '--column "P2_W=P2 (kW)*1000"'
+    >>> as_option("P2_W", "P2 (kW)"), as_option("P2_W", "Pout/W")
+    ('--column "P2_W=P2 (kW)*1000"', '--column "P2_W=Pout/W"')
     """
     unit = _UNIT.search(theirs)
-    factor = _IN_OURS.get(unit[1]) if unit else None
+    factor = _IN_OURS.get(unit["bracketed"] or unit["bare"] or "") if unit else None
     times = f"*{factor or 1:g}" if factor or "*" in theirs else ""
     return f'--column "{ours}={theirs}{times}"'
+
+
+def _quantity(ours: str) -> str:
+    """Our name without its unit."""
+    return next((ours.removesuffix(unit) for unit in _OUR_UNITS if ours.endswith(unit)), ours)
 
 
 def _bare(column: str) -> str:

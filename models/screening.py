@@ -27,6 +27,7 @@ NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overra
 KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 is a power written in kW
 ABSOLUTE_ZERO_C = -273.15
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
+TIMES_OF_DAY = ("2026-11-20T22:14:05", "20.11.2026 22:14:05")
 DISAGREEMENT = 0.005  # of efficiency against P2/P1: more than the rounding of printed powers explains
 
 
@@ -129,18 +130,28 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
 
 
 def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The table with times of day (ISO 8601), or seconds of a clock, as seconds since its earliest row."""
+    """The table with times of day, or seconds of a clock, as seconds since its earliest row."""
     given = pd.to_numeric(raw["time_s"], errors="coerce")
     what = "the seconds of a clock"
     if given.isna().all() and raw["time_s"].notna().any():
-        times = pd.to_datetime(raw["time_s"], errors="coerce", utc=True, format="ISO8601")
+        times = _times_of_day(raw["time_s"])
         given, what = (times - times.min()).dt.total_seconds(), "times of day"
         if given.isna().all():
-            return raw, []
+            return raw, [f"time_s: allowed are seconds, or times of day like {' or '.join(TIMES_OF_DAY)}"]
     elif not (given.min() < 0 or given.min() > LONGEST_S):
         return raw, []
     said = f"time_s: {what} (the first row's is {raw['time_s'].iloc[0]}), taken as seconds since the earliest"
     return raw.assign(time_s=(given - given.min()).where(given.notna(), raw["time_s"])), [said]
+
+
+def _times_of_day(given: pd.Series) -> pd.Series:
+    """Times from text: ISO 8601, or where that reads none of them, day, month and year with points between them."""
+    times = pd.to_datetime(given, errors="coerce", utc=True, format="ISO8601")
+    for form in ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M"):
+        times = (
+            times if times.notna().any() else pd.to_datetime(given, errors="coerce", utc=True, format=form)
+        )
+    return times
 
 
 def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:

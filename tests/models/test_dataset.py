@@ -192,6 +192,8 @@ def test_a_line_with_values_missing_is_told(tmp_path):
     ("times", "seconds"),
     [
         (["2024-05-01T10:00:20+02:00", "2024-05-01T08:00:00Z"], [20.0, 0.0]),
+        (["01.05.2024 08:00:00", "02.05.2024 08:00:20"], [0.0, 86420.0]),
+        (["01.05.2024 23:59", "02.05.2024 00:01"], [0.0, 120.0]),
         ([1_700_000_000.0, 1_700_000_020.5], [0.0, 20.5]),
         ([-20.0, 0.0], [0.0, 20.0]),
         ([3600.0, 3620.0], [3600.0, 3620.0]),
@@ -201,6 +203,14 @@ def test_times_of_day_become_seconds_since_the_first(times, seconds):
     result = load_measurements(table(*({"time_s": time} for time in times)))
     assert result.frame["time_s"].tolist() == seconds
     assert any("taken as seconds" in note for note in result.notes) == (seconds != times)
+
+
+def test_times_that_are_not_read_are_told_with_what_is_allowed():
+    result = load_measurements(table({"time_s": "05/01/2024 8 PM"}))
+    assert result.notes[0] == (
+        "time_s: allowed are seconds, or times of day like 2026-11-20T22:14:05 or 20.11.2026 22:14:05"
+    )
+    assert "row 1: 05/01/2024 8 PM" in result.notes[1]
 
 
 def test_a_voltage_that_cannot_be_is_left_empty():
@@ -223,6 +233,19 @@ def test_a_header_with_units_is_answered_by_the_options_that_read_it(tmp_path):
     ]
     (row,) = load_measurements(path, [OtherName.parse(o) for o in options]).frame.to_dict("records")
     assert (row["P2_W"], row["T_heatsink_C"]) == (600.0, 40.0)
+
+
+def test_headers_of_other_languages_are_answered_by_the_options_that_read_them(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text(
+        "Zeitstempel;Tastgrad D1;Phase D2;Pout/mW;eta (%)\n01.05.2024 08:00:00;0,8;0,2;600000;98,1\n"
+    )
+    with pytest.raises(DatasetError, match=f'd2ea import "{path}"') as refused:
+        load_measurements(path)
+    options = re.findall(r'--column "([^"]*)"', str(refused.value))
+    (row,) = load_measurements(path, [OtherName.parse(o) for o in options]).frame.to_dict("records")
+    assert [row[c] for c in ("time_s", "D1", "D2", "P2_W")] == [0.0, 0.8, 0.2, 600.0]
+    assert row["efficiency"] == pytest.approx(0.981, rel=1e-15)  # 98.1 * 0.01 rounds
 
 
 def test_a_table_says_itself_that_its_lab_is_virtual():
