@@ -11,10 +11,23 @@ from plotly.offline import get_plotlyjs
 
 from bench import charts, diagnosis_charts
 from bench.report import diagnosis_actions, environment, rows_left_out
-from bench.wording import counted, difference_unit, effect_name, points_text, size_text, verdict_text
+from bench.wording import (
+    counted,
+    difference_unit,
+    effect_name,
+    minus,
+    points_text,
+    size_text,
+    unexplained_text,
+    verdict_text,
+)
 from sim.effects.catalogue import effect
 
 _KURTOSIS, _AUTOCORRELATION = 1.5, 0.3  # above which the noise is said to have tails, or a memory
+_BY_CHANCE = (
+    10.0,
+    4.0,
+)  # what normal noise reaches of either at two sigma, times the root of the differences' number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +50,7 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
         .render(
             data=page,
             headline=verdict_text(d),
+            unexplained=unexplained_text(d),
             actions=diagnosis_actions(d),
             tiles=tiles(d),
             noise=noise_rows(d),
@@ -53,7 +67,7 @@ def tiles(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Key numbers: (what, value, remark)."""
     gap, gain = diagnosis["gap"], diagnosis.get("gain")
     worst, left_out = gap["worst"], rows_left_out(diagnosis)
-    where = f"at D1 {worst['D1']:.3f}, D2 {worst['D2']:.3f}, {worst['P2_W']:.0f} W: {worst['loss_W']:+.2f} W"
+    where = f"at D1 {worst['D1']:.3f}, D2 {worst['D2']:.3f}, {worst['P2_W']:.0f} W: {worst['loss_W']:+.2f} W of loss"
     out = [
         ("Measured rows", str(diagnosis["points"]), left_out or "all used"),
         (
@@ -66,7 +80,7 @@ def tiles(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     if gain:
         left = f"{points_text(gain['calibrated'])} with parts calibrated"
         out.append(("Gap left, held out", f"{points_text(gain['after'])} points", left))
-    return out
+    return [(what, minus(value), minus(remark)) for what, value, remark in out]
 
 
 def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
@@ -81,9 +95,10 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         count = int(n["from_replicates"])
         source = f"{counted(count, 'difference')} of replicates" if count else "assumed: no replicates"
         said = []
-        if count and n["excess_kurtosis"] > _KURTOSIS:
+        tails, memory = (chance / max(count, 1) ** 0.5 for chance in _BY_CHANCE)
+        if count and n["excess_kurtosis"] > max(_KURTOSIS, tails):
             said.append("heavy tails")
-        if count and n["autocorrelation"] > _AUTOCORRELATION:
+        if count and n["autocorrelation"] > max(_AUTOCORRELATION, memory):
             said.append("remembers: drift or slow settling")
         rows.append((channel, sigma, source, ", ".join(said) or "–"))
     return rows

@@ -17,7 +17,14 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from bench.bands import loaded_rows
 from bench.charts import DIFFERENCE, OKABE_ITO
 from bench.report import ReportData
-from bench.wording import MODEL_NAMES, effect_name, parameter_text, per_cent, probable_causes, verdict_text
+from bench.wording import (
+    MODEL_NAMES,
+    effect_name,
+    parameter_text,
+    probability_text,
+    probable_causes,
+    verdict_text,
+)
 
 TEXT, SOFT = "#1b1f24", "#59636e"
 DIVERGING = LinearSegmentedColormap.from_list("difference", DIFFERENCE)
@@ -79,7 +86,7 @@ def cause_panel(axes: Axes, diagnosis: Mapping[str, Any]) -> None:
         for c in probable_causes(diagnosis, 0.0)[:3]
     ]
     unknown = float((diagnosis.get("unknown") or {}).get("probability") or 0.0)
-    _bars(axes, [*causes, Bar("something outside the catalogue", unknown, "grey")], per_cent)
+    _bars(axes, [*causes, Bar("something outside the catalogue", unknown, "grey")], probability_text)
     axes.set_xlim(0, 1.12)
     axes.set_xticks(np.linspace(0, 1, 6))
 

@@ -27,11 +27,14 @@ from bench.wording import (
     parameter_text,
     per_cent,
     points_text,
+    probability_text,
     probable_causes,
+    unexplained_text,
     verdict_text,
 )
 from sim.effects.catalogue import effect
 
+_WORSE = 1.2  # times as far off: a cause that shows in other channels leaves efficiency nearly as it was
 _SWITCH_OFF = "Switch the bench off by hand and check it: power-off was not confirmed."
 AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
 STEPS_SHOWN = 3  # of what to measure next, among what to do
@@ -85,7 +88,7 @@ def environment() -> Environment:
     made.filters |= {
         "points": points_text, "per_cent": per_cent, "duration": duration, "words": effect_name,
         "counted": counted, "fixed": fixed, "parameter": parameter_text,
-        "action": action_text,
+        "action": action_text, "probability": probability_text,
     }  # fmt: skip
     return made
 
@@ -98,6 +101,7 @@ def write_report(path: Path, data: ReportData) -> None:
         .render(
             data=data,
             headline=verdict_text(data.diagnosis),
+            unexplained=unexplained_text(data.diagnosis),
             actions=actions(data),
             tiles=tiles(data),
             errors=error_rows(data.summary),
@@ -122,7 +126,7 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
 
 
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
-    """What to ask first where nothing known explains the gap, or only a cause as large as is searched; else empty.
+    """What to ask first where nothing known explains the gap, or a cause does so badly; else empty.
 
     A model file of another converter, or a column in another unit, does either.
     """
@@ -131,6 +135,8 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
         for cause in probable_causes(diagnosis, LIKELY)
         if cause.get("parameters") and _at_an_end(cause["effect"], float(cause["parameters"][0]["value"]))
     ]
+    if worse := extension_worse(diagnosis):
+        reasons.append(worse)
     if not reasons and diagnosis.get("verdict") == "unknown" and not _alike(diagnosis):
         reasons = ["no known cause explains the gap"]
     if not reasons:
@@ -138,6 +144,17 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     return (
         "Make sure first that the model describes the converter that was measured, and that every column is in its "
         f"unit: {join(reasons)}."
+    )
+
+
+def extension_worse(diagnosis: Mapping[str, Any]) -> str:
+    """That the named causes surely predict held-out rows worse than the simulation did without them; else empty."""
+    gain = diagnosis.get("gain")
+    if not gain or gain["ci95"][1] >= 0 or gain["after"] < _WORSE * gain["before"]:
+        return ""
+    return (
+        f"held-out rows are {points_text(gain['after'])} points off with what is named, "
+        f"{points_text(gain['before'])} without, so the extended model is not to be used"
     )
 
 
@@ -181,7 +198,7 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
             f"Measure next: {action_text(str(step['action'])).removeprefix('measure ')}{repeats}{minutes}"
             + (f", to settle {told}." if told else ".")
         )
-    if diagnosis.get("model") and diagnosis.get("verdict") == "named":
+    if diagnosis.get("model") and diagnosis.get("verdict") == "named" and not extension_worse(diagnosis):
         todo.append(f"Simulate with the extended model from now on: {diagnosis['model']}.")
     if diagnosis.get("verdict") == "consistent":
         todo.insert(0, f"{AGREES} What follows would make sure." if todo else AGREES)

@@ -1,6 +1,7 @@
 """How numbers and verdicts are said to people: one place for units, rounding and plain words."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeGuard
 
@@ -18,6 +19,14 @@ MODEL_NAMES = {
     "simulator_first_stage": "Simulator as first stage",
     "calibrated": "Calibrated physics",
 }
+
+PLACES = {
+    "input": "at the input",
+    "ac link": "in the ac link",
+    "output": "at the output",
+    "timing": "in the timing",
+    "ac elements": "of the ac elements",
+}  # of a leftover, as words; the others are words already
 
 VERDICTS = {
     "consistent": "Simulation and measurement agree",
@@ -65,6 +74,17 @@ def per_cent(fraction: float | None, digits: int = 1) -> str:
     return f"{100 * fraction:.{digits}f} %" if _known(fraction) else "–"
 
 
+def probability_text(probability: float) -> str:
+    """A probability as per cent; near its ends it is said on which side of them it is.
+
+    >>> [probability_text(p) for p in (0.99998, 0.9534, 0.0001, 0.0)]
+    ['over 99.9 %', '95.3 %', 'under 0.1 %', '0.0 %']
+    """
+    if probability > 0.9995:
+        return "over 99.9 %"
+    return "under 0.1 %" if 0 < probability < 0.0005 else per_cent(probability)
+
+
 def fixed(value: float | None, digits: int = 1) -> str:
     """A number to so many decimals.
 
@@ -106,13 +126,22 @@ def difference_unit(column: str) -> str:
     return "points" if column == "efficiency" else unit_of(column).replace("°C", "K") or "half periods"
 
 
+def minus(text: str) -> str:
+    """Numbers with the sign that stands before them in print.
+
+    >>> minus("-1.61 W of turn-off loss")
+    '−1.61 W of turn-off loss'
+    """
+    return re.sub(r"(?<![\w)])-(?=\d)", "\N{MINUS SIGN}", text)
+
+
 def parameter_text(parameter: Mapping[str, Any]) -> str:
     """A fitted parameter with its unit and 95 % interval.
 
     >>> parameter_text({"name": "resistance_Ohm", "value": 0.071, "ci95": [0.066, 0.077], "off": 0.0})
     'resistance 71 mΩ (95 %: 66 to 77)'
-    >>> parameter_text({"name": "relative_error", "value": 0.4, "ci95": [0.35, 0.45]})
-    'relative error +40 % (95 %: +35 to +45)'
+    >>> parameter_text({"name": "relative_error", "value": -0.4, "ci95": [-0.45, 0.05]})
+    'relative error −40 % (95 %: −45 to +5)'
     """
     name, value = str(parameter["name"]), float(parameter["value"])
     label = next((name.removesuffix("_" + end) for end in _UNITS if name.endswith("_" + end)), name)
@@ -120,9 +149,9 @@ def parameter_text(parameter: Mapping[str, Any]) -> str:
     scale, sign, unit = _scaled(name, value if value else max(map(abs, bounds), default=0.0))
     said = f"{label.replace('_', ' ')} {value * scale:{sign}.3g}{unit}"
     if len(bounds) != 2:
-        return said
+        return minus(said)
     low, high = (f"{bound * scale:{sign}.3g}" for bound in bounds)
-    return f"{said} (95 %: {low} to {high})"
+    return minus(f"{said} (95 %: {low} to {high})")
 
 
 def size_text(name: str, value: float) -> str:
@@ -159,11 +188,32 @@ def probable_causes(diagnosis: Mapping[str, Any], least: float) -> list[Mapping[
     return sorted(causes, key=lambda cause: -float(cause["probability"]))
 
 
+def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
+    """What no cause of the catalogue explains: how probable, how large, where; empty where there is hardly anything.
+
+    >>> law = {"formula": "2 W * P/kW", "formula_explains": 0.9}
+    >>> print(unexplained_text({"unknown": law | {"probability": 0.8, "rms_W": 1.2, "location": "input"}}))
+    80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input, about 2 W * P/kW (90 % of it)
+    """
+    unknown = diagnosis.get("unknown") or {}
+    if unknown.get("probability", 0.0) < 0.01:
+        return ""
+    said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
+    if not unknown.get("formula"):
+        return said
+    where = PLACES.get(unknown["location"], unknown["location"])
+    about = f"about {unknown['formula']} ({per_cent(unknown['formula_explains'], 0)} of it)"
+    return minus(f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}, {about}")
+
+
 def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     """The verdict as one headline.
 
     >>> verdict_text({"verdict": "group", "groups": [["fan_step", "auxiliary_power"]]})
     'fan step or auxiliary power: these data cannot tell which'
+    >>> beside = {"verdict": "named", "unknown": {"probability": 0.8}}
+    >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 1.0}]})
+    'Cause named beside something unknown (80.0 %): dead time'
     >>> verdict_text({"verdict": "consistent", "causes": [{"effect": "dead_time", "probability": 0.7}]})
     'No cause is sure; the likeliest is dead time (70.0 %)'
     >>> left_over = {"verdict": "unknown", "unknown": {"probability": 0.4}}
@@ -175,13 +225,18 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     groups = diagnosis.get("groups") or ()
     named = [name for name in causes if not any(name in group for group in groups)]
     tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups or (causes,))
+    leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
+    unknown = f"something unknown ({probability_text(leftover)})" if leftover >= 0.5 else ""
     if verdict == "named" and named:
         beside = f"; and {tied}: these data cannot tell which" if groups else ""
-        return f"Cause named: {join([effect_name(name) for name in named])}{beside}"
+        first_said = f"Cause named beside {unknown}" if unknown else "Cause named"
+        return f"{first_said}: {join([effect_name(name) for name in named])}{beside}"
     if verdict == "group":
-        return f"{tied}: these data cannot tell which"
+        return f"{f'Beside {unknown}, ' if unknown else ''}{tied}: these data cannot tell which"
     first = next(iter(probable_causes(diagnosis, 0.5)), None)
-    likeliest = first and f"{effect_name(str(first['effect']))} ({per_cent(float(first['probability']))})"
+    likeliest = (
+        first and f"{effect_name(str(first['effect']))} ({probability_text(float(first['probability']))})"
+    )
     if verdict == "consistent" and likeliest:
         return f"No cause is sure; the likeliest is {likeliest}"
     if verdict == "unknown" and likeliest and (diagnosis.get("unknown") or {}).get("probability", 1.0) < 0.5:

@@ -20,7 +20,7 @@ from bench.model_file import model_from, write_model
 from bench.report import first_questions
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
-from bench.wording import counted, effect_name, parameter_text, verdict_text
+from bench.wording import counted, effect_name, parameter_text, unexplained_text, verdict_text
 from models.dataset import Measurements, load_measurements
 from sim.effects.catalogue import effect
 from sim.parameters import ParameterError
@@ -144,6 +144,8 @@ def tell(plain: dict[str, Any]) -> None:
     efficiency = f"{100 * gap['mean_abs_efficiency']:.3f} points of efficiency"
     out.print(f"gap: {efficiency}, {gap['mean_loss_W']:+.2f} W of loss, mean")
     out.print(escape(f"verdict: {verdict_text(plain)}"))
+    if unexplained := unexplained_text(plain):
+        out.print(escape(unexplained))
     shown = [cause for cause in plain["causes"] if cause["probability"] >= 0.01]
     if shown:
         table = Table("cause", "probability", "value (95 %)", "check", box=None)

@@ -13,7 +13,7 @@ from bench.dashboard.kept import chosen_optimum, decision_rows, model_errors, mo
 from bench.dashboard.progress import progress
 from bench.dashboard.watcher import Feed
 from bench.errors import BenchError
-from bench.wording import effect_name, parameter_text, per_cent, probable_causes, verdict_text
+from bench.wording import effect_name, parameter_text, probability_text, probable_causes, verdict_text
 
 HINT = "No diagnosis of this campaign yet: d2ea diagnose {id}, or d2ea retrain --watch beside it."
 
@@ -175,7 +175,7 @@ class BenchPage:
         causes = [
             {
                 "name": effect_name(cause["effect"]),
-                "probability": per_cent(cause["probability"]),
+                "probability": probability_text(cause["probability"]),
                 "share": cause["probability"],
                 "value": "; ".join(parameter_text(p) for p in cause["parameters"]),
             }

@@ -6,7 +6,7 @@ from typing import Any
 
 from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 
-from bench.wording import effect_name, fixed, parameter_text, per_cent, points_text
+from bench.wording import effect_name, fixed, parameter_text, per_cent, points_text, probability_text
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -20,6 +20,7 @@ _environment = Environment(
 _environment.filters |= {
     "points": points_text,
     "per_cent": per_cent,
+    "probability": probability_text,
     "words": effect_name,
     "fixed": fixed,
     "parameter": parameter_text,

@@ -57,14 +57,13 @@ def _groups(observations: Observations) -> list[NDArray[np.intp]]:
 
 def _differences(
     observations: Observations, residual: Array, name: str, groups: list[NDArray[np.intp]]
-) -> Array:
-    """Scaled differences of successive replicates' residuals, one sigma of noise each."""
+) -> list[Array]:
+    """Scaled differences of successive replicates' residuals, one sigma of noise each; an array per set point."""
     mask = observations.of(name)
     by_row = np.full(len(observations.frame), np.nan)
     by_row[observations.row[mask]] = residual[mask] / scale_of(observations, name)[mask]
     steps = [np.diff(by_row[g[observations.loaded[g]]]) / np.sqrt(2) for g in groups]
-    joined = np.concatenate(steps) if steps else np.empty(0)
-    return joined[np.isfinite(joined)]
+    return [step[np.isfinite(step)] for step in steps]
 
 
 def scale_of(observations: Observations, name: str) -> Array:
@@ -81,7 +80,8 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
     groups = _groups(observations)
     found = []
     for channel in observations.channels:
-        steps = _differences(observations, residual, channel.name, groups)
+        of_each = _differences(observations, residual, channel.name, groups)
+        steps = np.concatenate(of_each) if of_each else np.empty(0)
         floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
         n = steps.size
         if n >= _NEEDED:
@@ -89,9 +89,9 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
             sigma = max(spread * (1 + 0.7 / np.sqrt(n)), floor)  # the upper side of a chi-squared estimate
             power = max(float(np.mean(steps**2)), 1e-150)  # squared below: exact replicates have none
             kurtosis = float(np.mean(steps**4)) / power**2 - 3.0
-            paired = float(np.sum(steps[1:] * steps[:-1])) / (n * power)
+            memory = _autocorrelation(of_each, power)
         else:
-            sigma, kurtosis, paired = _WITHOUT_REPLICATES.get(channel.name, 2 * channel.floor), 0.0, -0.5
+            sigma, kurtosis, memory = _WITHOUT_REPLICATES.get(channel.name, 2 * channel.floor), 0.0, 0.0
         found.append(
             ChannelNoise(
                 channel=channel.name,
@@ -99,11 +99,21 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
                 proportional=channel.name in _PROPORTIONAL,
                 differences=n,
                 excess_kurtosis=kurtosis,
-                # successive differences of white noise correlate by -1/2
-                autocorrelation=2 * (paired + 0.5),
+                autocorrelation=memory,
             )
         )
     return found
+
+
+def _autocorrelation(of_each: list[Array], power: float) -> float:
+    """How far a reading's noise is like that before it at the set point, -1 to 1; 0 where too few were read thrice.
+
+    Of noise that remembers its last value by r, successive differences correlate by -(1 - r)/2.
+    """
+    products = np.concatenate([d[1:] * d[:-1] for d in of_each] or [np.empty(0)])
+    if products.size < _NEEDED:
+        return 0.0
+    return float(np.clip(1 + 2 * np.mean(products) / power, -1.0, 1.0))
 
 
 def sigma_of(observations: Observations, noise: list[ChannelNoise]) -> Array:

@@ -58,8 +58,11 @@ def written(page: DiagnosisPage, folder: Path) -> str:
 
 def test_it_reads_from_the_verdict_to_the_noise(page: DiagnosisPage, tmp_path: Path) -> None:
     text = written(page, tmp_path)
-    order = ["Cause named", "What to do", "Where it is wrong", "How probable", "What no cause explains",
-             "What the diagnosis gains", "can and cannot see", ">Noise<"]  # fmt: skip
+    order = [
+        "Cause named beside something unknown (80.0 %): link resistance",
+        *("What to do", "Where it is wrong", "How probable", "What no cause explains"),
+        *("What the diagnosis gains", "can and cannot see", ">Noise<"),
+    ]
     places = [text.index(heading) for heading in order]
     assert places == sorted(places)
 
@@ -77,6 +80,15 @@ def test_what_was_left_out_and_what_is_unknown_is_said(page: DiagnosisPage, tmp_
     assert "a stuck sensor" in text
     assert "2 W * P/kW" in text
     assert "looks like kilowatts" in text
+
+
+def test_an_extension_that_predicts_worse_is_not_to_be_used(page: DiagnosisPage, tmp_path: Path) -> None:
+    worse = ANSWER["gain"] | {"after": 0.02, "ci95": [-0.009, -0.007]}
+    text = written(replace(page, diagnosis=ANSWER | {"gain": worse}), tmp_path)
+    assert "held-out rows are 2.000 points off with what is named, 1.200 without" in text
+    assert "Make sure first that the model describes the converter" in text
+    assert "from now on" not in text
+    assert "from now on" in written(page, tmp_path)
 
 
 def test_a_virtual_lab_is_labelled(page: DiagnosisPage, tmp_path: Path) -> None:

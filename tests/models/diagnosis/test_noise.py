@@ -70,6 +70,13 @@ def test_autocorrelation_is_stated(campaign: Observations) -> None:
     assert slow_noise.autocorrelation > 0.5
 
 
+def test_set_points_read_twice_tell_nothing_of_a_memory() -> None:
+    observations = loads(np.tile(np.linspace(300.0, 1500.0, 60), 2))
+    (noise,) = estimate_noise(observations, white(observations))
+    assert noise.differences == 60
+    assert noise.autocorrelation == 0.0
+
+
 def test_without_replicates_an_assumed_noise_stands_in() -> None:
     observations = loads(np.linspace(300.0, 1500.0, 30))
     (noise,) = estimate_noise(observations, np.zeros(30))
