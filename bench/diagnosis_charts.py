@@ -9,9 +9,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from bench.charts import DIFFERENCE, MARGIN, OKABE_ITO
-from bench.wording import difference_unit, effect_name
+from bench.wording import channel_name, difference_unit, effect_name
 
-_COLUMNS = 4
+_COLUMNS = 3  # side by side on a narrow screen
 _QUANTILE = 0.98  # of the absolute residuals: what the colours of a map span
 
 
@@ -34,9 +34,9 @@ def residual_maps(residuals: pd.DataFrame) -> go.Figure | None:
     figure = make_subplots(
         rows=down,
         cols=across,
-        subplot_titles=[f"{c}: ±{_amount(spans[c], c)}" for c in channels],
-        horizontal_spacing=0.06,
-        vertical_spacing=0.22 / down,
+        subplot_titles=[f"{channel_name(c)}<br>±{_amount(spans[c], c)}" for c in channels],
+        horizontal_spacing=0.07,
+        vertical_spacing=0.3 / down,
     )
     for number, (channel, column) in enumerate(channels.items()):
         place = {"row": number // across + 1, "col": number % across + 1}
@@ -51,7 +51,7 @@ def residual_maps(residuals: pd.DataFrame) -> go.Figure | None:
     bar = {"thickness": 14, "title": {"text": "measured −<br>simulated"}, "tickvals": [-1, 0, 1]}
     bar["ticktext"] = ["− range", "0", "+ range"]
     figure.update_layout(
-        height=110 + 290 * down,
+        height=110 + 310 * down,
         margin=MARGIN,
         showlegend=False,
         coloraxis={"colorscale": DIFFERENCE, "cmin": -1.0, "cmax": 1.0, "colorbar": bar},

@@ -17,6 +17,7 @@ from bench.wording import (
     effect_name,
     minus,
     points_text,
+    probable_causes,
     size_text,
     unexplained_text,
     verdict_text,
@@ -49,6 +50,7 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
         .get_template("diagnosis.html")
         .render(
             data=page,
+            causes=probable_causes(d),
             headline=verdict_text(d),
             unexplained=unexplained_text(d),
             actions=diagnosis_actions(d),
@@ -104,21 +106,33 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def unseen(diagnosis: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Effects that these set points and channels cannot see at an ordinary size, and what would be seen of each."""
-    return [
-        (effect_name(s["effect"]), _seen_from(s["effect"], s["smallest"]))
-        for s in diagnosis["sight"]
-        if not s["visible"]
-    ]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unseen:
+    """Effects that these set points and channels cannot see at an ordinary size: ``larger`` ones would be seen, each
+    from the size given; ``never`` those that would not be at any size that is searched."""
+
+    larger: tuple[tuple[str, str], ...]
+    never: tuple[str, ...]
 
 
-def _seen_from(name: str, smallest: float | None) -> str:
-    """The smallest size of an effect that would be seen, where it can be so large."""
+def unseen(diagnosis: Mapping[str, Any]) -> Unseen:
+    """What a diagnosis of these rows is blind to."""
+    blind = [(s["effect"], s["smallest"]) for s in diagnosis["sight"] if not s["visible"]]
+    searched = {name: _reaches(name, smallest) for name, smallest in blind}
+    return Unseen(
+        larger=tuple(
+            (effect_name(name), size_text(effect(name).headline.name, smallest))
+            for name, smallest in blind
+            if searched[name]
+        ),
+        never=tuple(effect_name(name) for name, _ in blind if not searched[name]),
+    )
+
+
+def _reaches(name: str, smallest: float | None) -> bool:
+    """Whether an effect is searched up to that size."""
     head = effect(name).headline
-    if smallest is None or max(head.upper - head.off, head.off - head.lower) < smallest:
-        return "at no size"
-    return f"from {size_text(head.name, smallest)}"
+    return smallest is not None and max(head.upper - head.off, head.off - head.lower) >= smallest
 
 
 def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
@@ -133,10 +147,10 @@ def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
 def _charts(page: DiagnosisPage) -> dict[str, str]:
     d = page.diagnosis
     figures: dict[str, go.Figure | None] = {
-        "maps": diagnosis_charts.residual_maps(page.residuals),
+        "residuals": diagnosis_charts.residual_maps(page.residuals),
         "time": diagnosis_charts.residual_over_time(page.residuals),
         "causes": diagnosis_charts.cause_bars(
-            d["causes"], d["unknown"]["probability"], d["consistent"]["probability"]
+            probable_causes(d), d["unknown"]["probability"], d["consistent"]["probability"]
         ),
         "leftover": diagnosis_charts.leftover_map(page.residuals),
         "gain": charts.gain_bars(d["gain"]) if d.get("gain") else None,

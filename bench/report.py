@@ -102,6 +102,7 @@ def write_report(path: Path, data: ReportData) -> None:
             data=data,
             headline=verdict_text(data.diagnosis),
             unexplained=unexplained_text(data.diagnosis),
+            causes=probable_causes(data.diagnosis),
             actions=actions(data),
             tiles=tiles(data),
             errors=error_rows(data.summary),

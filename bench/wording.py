@@ -12,6 +12,16 @@ _UNITS = {
 _PREFIXED = ("Ω", "H", "s", "F", "J")  # units that bench people say with a prefix
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
 
+_CHANNELS = {
+    "P1_W": "input power",
+    "I_L_rms_A": "rms link current",
+    "P_link1_W": "link power, element 3",
+    "P_link2_W": "link power, element 4",
+    "T_heatsink_C": "heatsink",
+    "T_transformer_C": "transformer winding",
+    "T_inductor_C": "inductor winding",
+}
+
 MODEL_NAMES = {
     "simulation_only": "Simulation only",
     "experiment_only": "Experiment only",
@@ -20,6 +30,7 @@ MODEL_NAMES = {
     "calibrated": "Calibrated physics",
 }
 
+SHOWN = 0.01  # the probability from which a cause is shown to people
 PLACES = {
     "input": "at the input",
     "ac link": "in the ac link",
@@ -45,6 +56,15 @@ def effect_name(name: str) -> str:
     for part, said in (("turn_off", "turn-off"), ("sic_on_", "SiC_on-"), ("igbt_", "IGBT_")):
         name = name.replace(part, said)
     return name.replace("_", " ")
+
+
+def channel_name(column: str) -> str:
+    """A measured quantity as it is called over a picture; its column where it has no other name.
+
+    >>> channel_name("P1_W"), channel_name("D0")
+    ('input power', 'D0')
+    """
+    return _CHANNELS.get(column, column)
 
 
 def action_text(action: str) -> str:
@@ -182,7 +202,7 @@ def join(words: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
 
 
-def probable_causes(diagnosis: Mapping[str, Any], least: float) -> list[Mapping[str, Any]]:
+def probable_causes(diagnosis: Mapping[str, Any], least: float = SHOWN) -> list[Mapping[str, Any]]:
     """The causes of at least this probability, the most probable first."""
     causes = [cause for cause in diagnosis.get("causes") or () if float(cause["probability"]) >= least]
     return sorted(causes, key=lambda cause: -float(cause["probability"]))

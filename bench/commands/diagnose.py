@@ -20,7 +20,18 @@ from bench.model_file import model_from, write_model
 from bench.report import first_questions
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
-from bench.wording import counted, effect_name, parameter_text, unexplained_text, verdict_text
+from bench.wording import (
+    action_text,
+    counted,
+    effect_name,
+    minus,
+    parameter_text,
+    points_text,
+    probability_text,
+    probable_causes,
+    unexplained_text,
+    verdict_text,
+)
 from models.dataset import Measurements, load_measurements
 from sim.effects.catalogue import effect
 from sim.parameters import ParameterError
@@ -141,28 +152,32 @@ def tell(plain: dict[str, Any]) -> None:
     """The answer for people."""
     gap, gain = plain["gap"], plain["gain"]
     out.print(f"{plain['points']} points; channels: {', '.join(plain['channels'])}")
-    efficiency = f"{100 * gap['mean_abs_efficiency']:.3f} points of efficiency"
-    out.print(f"gap: {efficiency}, {gap['mean_loss_W']:+.2f} W of loss, mean")
+    efficiency = f"{points_text(gap['mean_abs_efficiency'])} points of efficiency"
+    out.print(minus(f"gap: {efficiency}, {gap['mean_loss_W']:+.2f} W of loss, mean"))
     out.print(escape(f"verdict: {verdict_text(plain)}"))
     if unexplained := unexplained_text(plain):
         out.print(escape(unexplained))
-    shown = [cause for cause in plain["causes"] if cause["probability"] >= 0.01]
-    if shown:
+    if shown := probable_causes(plain):
         table = Table("cause", "probability", "value (95 %)", "check", box=None)
         for cause in shown:
             value = "; ".join(parameter_text(p) for p in cause["parameters"])
-            table.add_row(effect_name(cause["effect"]), f"{cause['probability']:.3f}", value, cause["check"])
+            table.add_row(
+                effect_name(cause["effect"]), probability_text(cause["probability"]), value, cause["check"]
+            )
         out.print(table)
     for asked in first_questions(plain):
         out.print(escape(asked))
     for step in plain["next"]:
-        apart = " from ".join(map(effect_name, step["separates"]))
-        worth = f"tells {apart} at {step['expected_sigma']:.1f} sigma"
-        out.print(escape(f"next: {step['action']} ({step['minutes']:.3g} min) {worth}"))
-    if gain:
+        told = " from ".join(map(effect_name, step["separates"]))
+        apart = told if " from " in told else f"whether there is {told}"
+        worth = f"tells {apart}, by {step['expected_sigma']:.1f} sigma if so"
+        repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
         out.print(
-            f"held-out power bands: {100 * gain['before']:.3f} points before, {100 * gain['after']:.3f} after"
+            escape(f"next: {action_text(step['action'])}{repeats} (about {step['minutes']:.3g} min); {worth}")
         )
+    if gain:
+        after = f"{points_text(gain['before'])} points before, {points_text(gain['after'])} after"
+        out.print(f"held-out power bands: {after}")
     if plain["rejected_rows"]:
         rows = counted(len({row["row"] for row in plain["rejected_rows"]}), "row")
         out.print(f"all or some readings of {rows} left out; the reasons are in diagnosis.json")

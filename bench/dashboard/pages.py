@@ -179,7 +179,7 @@ class BenchPage:
                 "share": cause["probability"],
                 "value": "; ".join(parameter_text(p) for p in cause["parameters"]),
             }
-            for cause in probable_causes(verdict, 0.01)[:3]
+            for cause in probable_causes(verdict)[:3]
         ]
         when = f"as of {view.clock(kept['created'])}"
         return self._verdict.render(verdict, when, verdict_text(verdict), causes, "")
