@@ -170,7 +170,7 @@ def tell(plain: dict[str, Any]) -> None:
     for step in plain["next"]:
         told = " from ".join(map(effect_name, step["separates"]))
         apart = told if " from " in told else f"whether there is {told}"
-        worth = f"tells {apart}, by {step['expected_sigma']:.1f} sigma if so"
+        worth = f"tells {apart}, by {step['expected_sigma']:.1f} sigma"
         repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
         out.print(
             escape(f"next: {action_text(step['action'])}{repeats} (about {step['minutes']:.3g} min); {worth}")
