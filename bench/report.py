@@ -35,11 +35,20 @@ from bench.wording import (
 from sim.effects.catalogue import effect
 
 _WORSE = 1.2  # times as far off: a cause that shows in other channels leaves efficiency nearly as it was
+_BEHIND = {
+    "input": "what comes before the ac link: supply wiring, dc link, primary bridge, the analyzer's input element",
+    "ac link": "what carries the ac link's current: inductor, transformer, their contacts",
+    "output": "what comes behind the transformer: secondary bridge, output capacitors, wiring, the output element",
+    "timing": "the gates: D1 as applied, dead times, delays between the bridges",
+    "ac elements": "the probes and wiring of the analyzer's elements 3 and 4",
+    "over time": "what changed in the course of the campaign: room, supply, instruments",
+    "gain over time": "what changes the analyzer's gain in the course of the campaign: its room, its warm-up",
+}  # a leftover's place: what of the bench is there
 _SWITCH_OFF = "Switch the bench off by hand and check it: power-off was not confirmed."
 AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
 STEPS_SHOWN = 3  # of what to measure next, among what to do
 ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
-LIKELY = 0.5  # probability from which a cause's value is doubted where it is as large as is searched
+LIKELY = 0.5  # from which a cause's value is doubted where it is as large as is searched, and a leftover looked for
 _NEAR_AN_END = 1e-3  # of the range that is searched
 OPTIMUM = ["P_W", "D1", "D2", "predicted", "measured"]
 TEMPLATES = Path(__file__).with_name("templates")
@@ -123,7 +132,8 @@ def actions(data: ReportData) -> list[str]:
 
 def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What to make sure of before any cause is checked."""
-    return [asked for asked in (_question_of_the_model(diagnosis), _question_of_rows(diagnosis)) if asked]
+    asked = (_question_of_the_model(diagnosis), _question_of_rows(diagnosis), _where_to_look(diagnosis))
+    return [question for question in asked if question]
 
 
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
@@ -139,7 +149,7 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     if worse := extension_worse(diagnosis):
         reasons.append(worse)
     if not reasons and diagnosis.get("verdict") == "unknown" and not _alike(diagnosis):
-        reasons = ["no known cause explains the gap"]
+        reasons = ["no known cause explains all of the gap"]
     if not reasons:
         return ""
     return (
@@ -170,6 +180,16 @@ def _question_of_rows(diagnosis: Mapping[str, Any]) -> str:
         f"Measure again what stands out: {said}{more}. The powers at the input and before the link miss the same "
         "there, which noise does not do. If it repeats, the converter does it; if not, something else had changed."
     )
+
+
+def _where_to_look(diagnosis: Mapping[str, Any]) -> str:
+    """Which parts of the bench can lose what no cause explains; empty where the channels do not tell the place."""
+    unknown = diagnosis.get("unknown") or {}
+    places = _BEHIND.get(str(unknown.get("location", "")).split(", ")[0], "")
+    told = {"P_link1_W", "D0"} & set(diagnosis.get("channels") or ())
+    if not (places and told) or unknown.get("probability", 0.0) < LIKELY:
+        return ""
+    return f"What no cause explains, look for in {places}."
 
 
 def _alike(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:

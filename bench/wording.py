@@ -221,7 +221,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
     if not unknown.get("formula"):
         return said
-    where = PLACES.get(unknown["location"], unknown["location"])
+    place, *rest = unknown["location"].split(", ")
+    where = ", ".join([PLACES.get(place, place), *rest])
     about = f"about {unknown['formula']} ({per_cent(unknown['formula_explains'], 0)} of it)"
     return minus(f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}, {about}")
 
@@ -249,7 +250,8 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     unknown = f"something unknown ({probability_text(leftover)})" if leftover >= 0.5 else ""
     if verdict == "named" and named:
         beside = f"; and {tied}: these data cannot tell which" if groups else ""
-        first_said = f"Cause named beside {unknown}" if unknown else "Cause named"
+        first_said = "Cause named" if len(named) == 1 else "Causes named"
+        first_said += f" beside {unknown}" if unknown else ""
         return f"{first_said}: {join([effect_name(name) for name in named])}{beside}"
     if verdict == "group":
         return f"{f'Beside {unknown}, ' if unknown else ''}{tied}: these data cannot tell which"

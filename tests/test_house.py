@@ -137,6 +137,9 @@ def test_the_readmes_make_targets_exist() -> None:
     assert {"demo", "test"} <= asked <= targets
 
 
+DECISIONS = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_links_lead_somewhere(document: Path) -> None:
     text = document.read_text(encoding="utf-8")
@@ -147,8 +150,13 @@ def test_links_lead_somewhere(document: Path) -> None:
         assert not anchor or anchor in [h.lower().replace(" ", "-") for h in headings]
 
 
+def test_the_index_of_decisions_has_every_page() -> None:
+    index = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"\]\((\d+-[^)]*)\)", index)) == {path.name for path in DECISIONS}
+
+
 def test_every_decision_has_context_decision_and_consequences() -> None:
-    for path in (ROOT / "docs" / "decisions").glob("*.md"):
+    for path in DECISIONS:
         text = path.read_text(encoding="utf-8")
         assert re.findall(r"^## (.*)$", text, re.MULTILINE) == ["Context", "Decision", "Consequences"], (
             path.name

@@ -180,7 +180,7 @@ def test_a_cause_as_large_as_is_searched_asks_for_the_model_first(data):
     faint = at_the_end | {"probability": 0.3}
     assert "Make sure" not in actions(replace(data, diagnosis=DIAGNOSIS | {"causes": [faint]}))[0]
     unknown = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "unknown"}))
-    assert unknown[0].endswith("in its unit: no known cause explains the gap.")
+    assert unknown[0].endswith("in its unit: no known cause explains all of the gap.")
 
 
 def test_rows_that_stand_out_and_are_no_outliers_are_to_be_measured_again(data):
@@ -192,6 +192,15 @@ def test_rows_that_stand_out_and_are_no_outliers_are_to_be_measured_again(data):
     )
     assert "and 1 more row." in first
     assert not any("Make sure first" in action for action in actions(replace(data, diagnosis=unknown)))
+
+
+def test_what_no_cause_explains_is_looked_for_where_the_channels_show_it(data):
+    unknown = {"probability": 0.9, "location": "ac link, by temperature", "rms_W": 1.2, "formula": None}
+    seen = DIAGNOSIS | {"verdict": "unknown", "unknown": unknown, "channels": ["efficiency", "P_link1_W"]}
+    asked = actions(replace(data, diagnosis=seen))
+    assert "What no cause explains, look for in what carries the ac link's current" in asked[1]
+    blind = actions(replace(data, diagnosis=seen | {"channels": ["efficiency"]}))
+    assert not any("look for in" in action for action in blind)
 
 
 def test_words_from_outside_are_escaped(data, tmp_path):
