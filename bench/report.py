@@ -189,7 +189,7 @@ def _where_to_look(diagnosis: Mapping[str, Any]) -> str:
     told = {"P_link1_W", "D0"} & set(diagnosis.get("channels") or ())
     if not (places and told) or unknown.get("probability", 0.0) < LIKELY:
         return ""
-    return f"What no cause explains, look for in {places}."
+    return f"Look for what no cause explains in {places}."
 
 
 def _alike(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -223,6 +223,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
         return said
     place, *rest = unknown["location"].split(", ")
     where = ", ".join([PLACES.get(place, place), *rest])
+    if fixed(unknown["rms_W"], 2) == "0.00":  # timing and the ac elements move no watts
+        return f"{said}, {where}"
     about = f"about {unknown['formula']} ({per_cent(unknown['formula_explains'], 0)} of it)"
     return minus(f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}, {about}")
 
@@ -265,7 +267,8 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
         return f"Something is wrong: {likeliest}, or what no known cause explains"
     sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
     if verdict == "unknown" and sure:
-        return f"More is wrong than {join([effect_name(name) for name in sure])} explains, and no known cause is it"
+        explain = "explains" if len(sure) == 1 else "explain"
+        return f"More is wrong than {join([effect_name(name) for name in sure])} {explain}, and no known cause is it"
     return VERDICTS.get(verdict, verdict)
 
 

@@ -68,6 +68,11 @@ def _in_factor(column: str, factor: str) -> str:
     return f"d2ea import --column {column}={column}*{factor} converts it"
 
 
+def _half_period(column: str) -> str:
+    converted = f"per cent or degrees are converted by d2ea import --column {column}={column}*"
+    return f"outside [0, 1]: {column} is in units of the half period; {converted}0.01 or *{1 / 180:.6f}"
+
+
 NO_NUMBER = "not a finite number (text, NaN, INF or the analyzer's code for no data)"
 CHECKS = (
     Check("P1_W", NO_NUMBER, _not_finite("P1_W"), ("standby", "no_load")),
@@ -77,8 +82,7 @@ CHECKS = (
     Check(
         "P1_W", "neither P1_W nor efficiency is a number", lambda f: f["P1_W"].isna() & f["efficiency"].isna()
     ),
-    Check("D1", "outside [0, 1]: D1 is in units of the half period", _outside_unit("D1")),
-    Check("D2", "outside [0, 1]: D2 is in units of the half period", _outside_unit("D2")),
+    *(Check(column, _half_period(column), _outside_unit(column)) for column in ("D1", "D2")),
     Check("P2_W", "not above 0 W: a loaded point delivers power to the output", lambda f: f["P2_W"] <= 0),
     Check(
         "P2_W",

@@ -86,9 +86,9 @@ def diagnose(
             processes=processes,
         )
     except TooFewPoints as error:
-        raise InputError.of(
-            where, "rows", None, f"{error}; measure more set points of D1, D2 and power"
-        ) from error
+        asked = "measure more set points of D1, D2 and power"
+        said = f"{error} If it is, {asked}" if str(error).endswith("?") else f"{error}; {asked}"
+        raise InputError.of(where, "rows", None, said) from error
     except ImplausibleTable as error:
         raise InputError.of(where, "columns", None, str(error)) from error
     write_model(out_dir / "model.toml", found.extended)

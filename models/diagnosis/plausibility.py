@@ -63,14 +63,15 @@ class _Column:
 
 
 def check_inputs(observations: Observations, converter: Converter) -> None:
-    """Refuse tables whose voltages or room cannot be of this converter.
+    """Refuse tables whose efficiency is filled in, or whose voltages or room cannot be of this converter.
 
     Raises
     ------
     ImplausibleTable
-        A terminal voltage far from nominal, or a room that no bench stands in.
+        One efficiency everywhere, a terminal voltage far from nominal, or a room that no bench stands in.
     """
     loaded = observations.loaded
+    _refuse_one_efficiency(observations)
     for name, nominal in (("V1_V", converter.V1_V), ("V2_V", converter.V2_V)):
         typical = float(np.median(np.asarray(getattr(observations.points, name))[loaded]))
         low, high = nominal / _HELD, nominal * _HELD
@@ -84,6 +85,20 @@ def check_inputs(observations: Observations, converter: Converter) -> None:
         raise ImplausibleTable(
             f"T_ambient_C: median {ambient:g}; {_AMBIENT_C[0]:g} to {_AMBIENT_C[1]:g} degC is allowed. Is it in kelvin?"
         )
+
+
+def _refuse_one_efficiency(observations: Observations) -> None:
+    """Input power or efficiency that is the same at set points that differ was not measured there."""
+    loaded = observations.frame[observations.loaded]
+    if len(loaded) < _ENOUGH or len(loaded[["D1", "D2", "P2_W"]].drop_duplicates()) < _ENOUGH:
+        return
+    for name in ("P1_W", "efficiency"):
+        first = float(loaded[name].iloc[0])
+        if np.ptp(loaded[name]) <= _STUCK * abs(first):
+            raise ImplausibleTable(
+                f"{name}: reads {first:g} in all {len(loaded)} rows, at set points that differ: a stuck reading, or a "
+                "constant filled in"
+            )
 
 
 def check_set_points(observations: Observations, baseline: Model) -> None:
@@ -175,6 +190,8 @@ def _other_unit(c: _Column) -> str | None:
         if in_fahrenheit < _FAR_NEARER * np.median(np.abs(c.measured - c.expected)):
             return "is far nearer to what is expected in degrees Fahrenheit; temperatures are in degC"
         return None
+    if c.name == "D0" and (typical := float(np.median(np.abs(c.measured)))) > 1.0:
+        return f"{typical:.3g} in the median, without its sign: is it in degrees? D0 is in half periods of 180 degrees"
     if c.name in ("D0", "P1_W"):
         return None
     ratio = float(np.median(c.measured / c.expected))

@@ -47,6 +47,7 @@ def test_a_campaign_as_it_should_be_keeps_all_columns(frame: pd.DataFrame) -> No
         ("T_heatsink_C", lambda f: 1.8 * f["T_heatsink_C"] + 32, "degrees Fahrenheit"),
         ("D0", lambda f: f["D0"] + 1 - f["D1"], "S2's edge"),
         ("D0", lambda f: -f["D0"], "give -D0"),
+        ("D0", lambda f: 180 * f["D0"], "is it in degrees"),
     ],
 )
 def test_a_column_that_is_something_else_is_left_out(
@@ -67,6 +68,12 @@ def test_exchanged_link_powers_are_left_out_together(frame: pd.DataFrame) -> Non
 def test_a_constant_that_has_to_be_constant_is_kept(frame: pd.DataFrame) -> None:
     one = pd.concat([frame.head(1)] * 8, ignore_index=True)
     assert rejected(one) == []
+
+
+@pytest.mark.parametrize(("column", "value"), [("P1_W", 2100.0), ("efficiency", 0.97)])
+def test_an_efficiency_that_never_changes_is_refused(frame: pd.DataFrame, column: str, value: float) -> None:
+    with pytest.raises(ImplausibleTable, match=f"{column}: reads {value:g} in all"):
+        check_inputs(observe(frame.assign(**{column: value}), prototype()), prototype())
 
 
 def test_voltages_in_kilovolts_are_refused(frame: pd.DataFrame) -> None:
