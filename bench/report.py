@@ -29,6 +29,7 @@ from bench.wording import (
     points_text,
     probability_text,
     probable_causes,
+    unbroken,
     unexplained_text,
     verdict_text,
 )
@@ -96,7 +97,7 @@ def environment() -> Environment:
     )
     made.filters |= {
         "points": points_text, "per_cent": per_cent, "duration": duration, "words": effect_name,
-        "counted": counted, "fixed": fixed, "parameter": parameter_text,
+        "counted": counted, "fixed": fixed, "parameter": lambda parameter: unbroken(parameter_text(parameter)),
         "action": action_text, "probability": probability_text,
     }  # fmt: skip
     return made

@@ -147,12 +147,21 @@ def difference_unit(column: str) -> str:
 
 
 def minus(text: str) -> str:
-    """Numbers with the sign that stands before them in print.
+    """Numbers with the sign that stands before them, or between them, in print.
 
-    >>> minus("-1.61 W of turn-off loss")
-    '−1.61 W of turn-off loss'
+    >>> minus("-1.61 W - 2 W * D1 of turn-off loss")
+    '−1.61 W − 2 W * D1 of turn-off loss'
     """
-    return re.sub(r"(?<![\w)])-(?=\d)", "\N{MINUS SIGN}", text)
+    return re.sub(r"(?<![\w)])-(?= ?\d)", "\N{MINUS SIGN}", text)
+
+
+def unbroken(text: str) -> str:
+    """Text whose numbers stay beside their units at the end of a line.
+
+    >>> unbroken("126 mΩ (95 %: 113 to 139)").split(" ")
+    ['126\xa0mΩ', '(95\xa0%:', '113', 'to', '139)']
+    """
+    return re.sub(r"(?<=\d) (?=%|[pnµm]?[ΩHsFJWVAK°])", "\N{NO-BREAK SPACE}", text)
 
 
 def parameter_text(parameter: Mapping[str, Any]) -> str:

@@ -177,6 +177,8 @@ def import_(
         campaign_id = store.import_table(name or file.stem, measured.frame, provenance)
     stamp(virtual)
     out.print(escape(f"campaign {campaign_id}: {counted(len(measured.frame), 'row')} imported from {file}"))
+    other = "of another converter than the prototype with --model MODEL.toml"
+    out.print(f"d2ea diagnose {campaign_id} tells what is wrong; {other}")
 
 
 def _other_names(said: Sequence[str]) -> list[OtherName]:

@@ -60,7 +60,7 @@ def test_it_reads_from_the_verdict_to_the_noise(page: DiagnosisPage, tmp_path: P
     text = written(page, tmp_path)
     order = [
         "Cause named beside something unknown (80.0 %): link resistance",
-        *("What to do", "Where it is wrong", "How probable", "What no cause explains"),
+        *("What to do", "measurement and simulation differ", "How probable", "What no cause explains"),
         *("What the diagnosis gains", "can and cannot see", ">Noise<"),
     ]
     places = [text.index(heading) for heading in order]

@@ -126,7 +126,7 @@ def test_the_verdict_stands_above_its_evidence(data, tmp_path):
     order = [
         "Cause named: link resistance; and auxiliary power or analyzer offset: these data cannot tell which<",
         "What to do",
-        "resistance 71 mΩ (95 %: 66 to 77)",
+        "resistance 71\xa0mΩ (95\xa0%: 66 to 77)",
         "What the diagnosis gains",
     ]
     order += ["Errors of the models", "Best modulation over load", "What the run cost", "Power-off confirmed"]

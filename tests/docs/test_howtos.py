@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from bench import cli
@@ -14,7 +15,9 @@ from drivers.clock import StepClock
 from drivers.mocks.faults import Fault, FaultFile
 from drivers.mocks.plant import Plant
 from drivers.mocks.rack import LIMITS, Rack
-from tests.docs.console import Command, commands, files
+from sim.model import Model
+from tests.docs.console import Command, commands, files, mismatch
+from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
 ROOT = Path(__file__).resolve().parents[2]
 HOW_TO = ROOT / "docs" / "how-to"
@@ -118,3 +121,29 @@ def test_the_page_on_adaptive_campaigns_shows_a_campaign_file(tmp_path: Path) ->
     plan = read_campaign(tmp_path / name).plan
     assert plan.adaptive is not None
     assert (plan.points, plan.adaptive.start, plan.adaptive.minutes) == (40, 12, 180.0)
+
+
+def test_a_table_with_german_headers_is_read_asked_and_simulated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("D2EA_DB", raising=False)
+    Path("messung.csv").write_text(german(simulated_campaign(Model.baseline(), seed=4, count=16)))
+    for command, code in zip(commands(HOW_TO / "diagnose-your-own-table.md"), (2, 0, 0, 0), strict=True):
+        assert run(command) == code
+        printed = capsys.readouterr()
+        assert not mismatch(command, printed.out or printed.err)
+
+
+def german(table: pd.DataFrame) -> str:
+    """The load rows as a spreadsheet of that country writes them."""
+    rows = table[table["kind"] == "load"]
+    times = pd.Timestamp("2026-11-20 22:14:05") + pd.to_timedelta(rows["time_s"], unit="s")
+    columns = {
+        "Zeitstempel": times.dt.strftime("%d.%m.%Y %H:%M:%S"),
+        "Tastgrad D1": rows["D1"],
+        "Phase D2": rows["D2"],
+        "Pout [kW]": rows["P2_W"] / 1e3,
+        "Pin [kW]": rows["P1_W"] / 1e3,
+    }
+    return pd.DataFrame(columns).to_csv(index=False, sep=";", decimal=",")
