@@ -302,8 +302,10 @@ def _diagnosed(
     if np.mean(spare) < 0.5:
         check_set_points(observations, baseline)
     observations, edge = observations.take(spare), observations.take(~spare)
+    near = near or observations.reference(baseline)
+    wrong, rejected_columns = implausible(observations, observations.predicted(near))
+    observations, edge = (o.mistrusting(c.column for c in rejected_columns) for o in (observations, edge))
     known = signatures(observations, baseline, left_out, near=near)
-    wrong, rejected_columns = implausible(observations, known.baseline)
     kept = known.finite() & ~wrong
     observations, known = observations.take(kept).in_use(), known.take(kept)
     rejected = _edge_rows(whole, observations)

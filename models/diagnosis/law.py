@@ -26,13 +26,14 @@ from models.diagnosis.geometry import Directions, Geometry
 from models.diagnosis.leftover import smooth_maps
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signature
+from models.diagnosis.thresholds import State
 
 Array = NDArray[np.float64]
 
 _WIDER = 2.0  # than the correlation lengths of a map: exponents bend over the whole of it
 _OF_TIME = 0.5  # of the campaign
+_DECIDED = 0.07  # of a step: three sigmas from a threshold
 
-State = Mapping[str, Array]
 Key = tuple[str, tuple[tuple[str, float], ...]]
 
 
@@ -61,7 +62,7 @@ def law_columns(
 ) -> Iterable[tuple[Signature, Array]]:
     """Every signature with the columns (r, M) of its error at a distance of one from off.
 
-    ``state`` has quantities (N,) of the frame's rows, for the thresholds.
+    ``state`` is of the frame's rows, for the thresholds.
     """
     maps = law_maps(observations)
     for s in signatures:
@@ -84,12 +85,13 @@ def _undecided(
     signature: Signature, variants: Iterable[Signature], observations: Observations, state: State
 ) -> Array:
     """One column for each reading that a threshold's effect may have or not, (u, M), at a distance of one from off."""
-    entry = signature.entry
-    near = entry.undecided(observations.points, state, signature.values(entry.headline.off))[observations.row]
-    reach = np.max(np.abs([v.slope for v in variants]), axis=0)
-    touched = np.flatnonzero(near & (reach > 0))
-    columns = np.zeros((touched.size, reach.size))
-    columns[np.arange(touched.size), touched] = reach[touched]
+    entry, points = signature.entry, observations.points
+    off = signature.values(entry.headline.off)
+    open_ = entry.undecided(points, state.value, state.sigma, off)[observations.row]
+    step = open_ * np.max(np.abs([v.slope for v in variants]), axis=0)
+    touched = np.flatnonzero((open_ > _DECIDED) & (step > 0))
+    columns = np.zeros((touched.size, step.size))
+    columns[np.arange(touched.size), touched] = step[touched]
     return columns
 
 

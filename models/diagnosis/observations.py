@@ -1,6 +1,6 @@
 """A campaign as one vector: every channel of every row, and what a model says of the same vector."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -111,10 +111,17 @@ class Observations:
         used, channel = np.unique(self.channel, return_inverse=True)
         return replace(self, channels=tuple(self.channels[k] for k in used), channel=channel.astype(np.intp))
 
-    def predicted(self, result: Result, row: NDArray[np.intp] | None = None) -> Array:
-        """What a simulation says of every reading, (M,); ``row`` are the readings' places in its points."""
+    def mistrusting(self, columns: Iterable[str]) -> Self:
+        """The same without what a threshold would go by of columns that cannot be what they are called."""
+        if "T_heatsink_C" not in columns:
+            return self
+        return replace(self, points=replace(self.points, seen_heatsink_C=np.nan))
+
+    def predicted(self, result: Result) -> Array:
+        """What a simulation of the rows with readings says of every reading, (M,)."""
+        _, row = np.unique(self.row, return_inverse=True)
         table = np.stack([result[c.column] for c in self.channels])
-        return np.asarray(table[self.channel, self.row if row is None else row])
+        return np.asarray(table[self.channel, row])
 
     def reference(self, model: Model) -> Result:
         """A simulation of the rows with readings, for variants to start from."""
@@ -131,10 +138,9 @@ class Observations:
         self, models: Sequence[Model], near: Result | None = None, starts: Sequence[Array | None] = ()
     ) -> list[tuple[Array, Array]]:
         """The same, each with the unknowns (n, N) that were solved for, starting from such unknowns."""
-        used, row = np.unique(self.row, return_inverse=True)
-        at = self.points.take(used)
+        at = self.points.take(np.unique(self.row))
         results = simulate_each([(model, at) for model in models], near, starts, self.processes)
-        return [(self.predicted(result, row), result.state) for result in results]
+        return [(self.predicted(result), result.state) for result in results]
 
 
 def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
@@ -150,18 +156,19 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
 
     kind = frame["kind"].to_numpy()
     standby, idle = kind == "standby", kind == "no_load"
-    V2 = column("V2_V", converter.V2_V)
+    V1, V2 = column("V1_V", converter.V1_V), column("V2_V", converter.V2_V)
+    heatsink_C, I1 = column("T_heatsink_C", np.nan), column("P1_W", np.nan) / np.where(V1 > 0, V1, np.nan)
     return Points(
         D1=np.where(standby, 1.0, column("D1", 1.0)),
         D2=np.where(standby, 0.0, column("D2", 0.0)),
         power_W=np.where(standby | idle, 0.0, column("P2_W", 0.0)),
-        V1_V=column("V1_V", converter.V1_V),
+        V1_V=V1,
         V2_V=np.where(standby | (V2 < _DEAD_V), converter.V2_V, V2),
         ambient_C=column("T_ambient_C", 25.0),
         time_s=column("time_s", 0.0),
         range_I1_A=column("range_I1_A", 0.0),
-        seen_heatsink_C=column("T_heatsink_C", np.nan),
-        seen_I1_A=column("I1_A", np.nan),
+        seen_heatsink_C=np.where(np.isfinite(heatsink_C), heatsink_C, np.nan),
+        seen_I1_A=np.where(np.isfinite(I1), I1, np.nan),
         pwm=~standby,
     )
 

@@ -16,7 +16,6 @@ from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
-from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
@@ -68,7 +67,7 @@ def set_up(
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
     near, lines = known.start(observations, baseline)
     geometry = found.refinery.geometry
-    laws = Laws.of(law_columns(known.effects, observations, _state(observations, near)), geometry)
+    laws = Laws.of(law_columns(known.effects, observations, known.state), geometry)
     everyday = zip(known.effects, _everyday(known, geometry), strict=True)
     effects = tuple(replace(s, everyday=sigma) for s, sigma in everyday)
     usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
@@ -176,15 +175,6 @@ class _Bench:
             first=first, sigma=sigma, doubt=doubt, left=np.abs(look.left) * before,
             log_evidence=look.log_evidence, whole=look.whole,
         )  # fmt: skip
-
-
-def _state(observations: Observations, near: Result) -> dict[str, Array]:
-    """What a threshold may be of where nobody read it, (N,) by row of the frame, as the baseline has it."""
-    used, state = np.unique(observations.row), {}
-    for name in ("T_heatsink_C", "I1_A"):
-        state[name] = np.full(len(observations.frame), np.nan)
-        state[name][used] = near[name]
-    return state
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

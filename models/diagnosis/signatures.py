@@ -12,6 +12,7 @@ from models.diagnosis.inaccuracy import inaccuracy
 from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
 from models.diagnosis.predictions import Key, Predictions, Repeated, read, table_of
+from models.diagnosis.thresholds import State
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
@@ -73,7 +74,8 @@ class Signatures:
     where efficiency is alone how far a limit one sigma off bends it;
     ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation, of
     the input power only such a share as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of the frame,
-    for variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there.
+    for variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there;
+    ``state`` (by row of the frame) is what thresholds are of.
     """
 
     baseline: Array
@@ -89,6 +91,7 @@ class Signatures:
     near: Result | None = None
     lines: Lines | None = None
     told: Predictions = field(default_factory=Predictions)
+    state: State = field(default_factory=State)
 
     def start(self, observations: Observations, baseline: Model) -> tuple[Result, Lines | None]:
         """The baseline's simulation at the rows with readings, and the lines there."""
@@ -187,6 +190,8 @@ def signatures(
     base, *moved = (read(table, observations, row) for table in tables)
     ends = np.cumsum([len(entries), len(spreads), len(limit)])
     of_effects, of_spreads, of_limit, of_inputs = np.split(np.stack(moved), ends)
+    usual = [e.headline.tolerance / step_of(e) * _is_everyday(e, spreads) for _, e, _ in entries]
+    usual += [1.0 for _ in spreads]
     found = [
         Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
         for (name, entry, other), after in zip(entries, of_effects, strict=True)
@@ -214,6 +219,7 @@ def signatures(
         near=near,
         lines=lines,
         told=Predictions.of(used, variants, tables),
+        state=State.of(at, tables[: 1 + ends[1]], usual).spread(used, len(observations.frame)),
     )
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from sim.operating_points import Points
 from sim.parameters import Converter, ParameterError
@@ -110,10 +111,16 @@ class Effect:
         """How far the parts' spread, that moves the headline by ``everyday`` at off, moves it at a value, one sigma."""
         return everyday
 
-    def near(self, threshold: str, state: Array, values: Values) -> NDArray[np.bool_]:
-        """Where a state (N,) is within the tolerance of the threshold of that name."""
+    def near(self, threshold: str, state: Array, sigma: Array | float, values: Values) -> Array:
+        """How little a state (N,), good to ``sigma``, tells on which side of that threshold it is, 0 to 1.
+
+        One within the threshold's tolerance; beyond it as the root of what either side is likely to, where that is one
+        for even odds.
+        """
         p = next(p for p in self.parameters if p.name == threshold)
-        return np.asarray(np.abs(state - self.value(values, threshold)) <= p.tolerance)
+        beyond = np.maximum(np.abs(state - self.value(values, threshold)) - p.tolerance, 0.0)
+        wrong = np.where(beyond > 0.0, ndtr(-beyond / np.maximum(sigma, 1e-12)), 0.5)
+        return np.asarray(2.0 * np.sqrt(wrong * (1.0 - wrong)))
 
     def converter(self, converter: Converter, values: Values) -> Converter:
         """The converter's parameters as they really are."""
@@ -127,9 +134,14 @@ class Effect:
         """A loss at the input that the circuit does not have, in W, (N,) or a float."""
         return 0.0
 
-    def undecided(self, points: Points, state: Mapping[str, Array], values: Values) -> NDArray[np.bool_]:
-        """Points (N,) so near a threshold that they may lie on either side of it; none of an effect without one."""
-        return np.zeros(len(points), dtype=bool)
+    def undecided(
+        self, points: Points, state: Mapping[str, Array], sigma: Mapping[str, Array], values: Values
+    ) -> Array:
+        """How open it is on which side of a threshold points lie, (N,), 0 to 1; 0 of an effect without one.
+
+        ``sigma`` is how far the simulated ``state`` may be off.
+        """
+        return np.zeros(len(points))
 
     def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
         """What the instruments show of the truth."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sim.effects.base import Effect, EffectParameter, Values
 from sim.operating_points import Points, efficiency
+from sim.parameters import Quantity
 
 Array = NDArray[np.float64]
 
@@ -36,14 +37,9 @@ class AmbientDrift(Effect):
         )
 
 
-def _heatsink_C(points: Points, state: Mapping[str, Array]) -> Array:
-    """The heatsink's temperature as it was read, else as it is simulated: a model errs by more than a sensor."""
-    return np.where(np.isnan(points.seen_heatsink_C), state["T_heatsink_C"], points.seen_heatsink_C)
-
-
-def _input_A(points: Points, state: Mapping[str, Array]) -> Array:
-    """The input current, alike: the analyzer chooses its range by what it reads."""
-    return np.where(np.isnan(points.seen_I1_A), state["I1_A"], points.seen_I1_A)
+def _read(seen: Quantity, simulated: Array | float) -> Array:
+    """What was read, else what is simulated, (N,): the room is not modelled, and a range is chosen by a reading."""
+    return np.where(np.isnan(seen), simulated, seen)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,12 +48,16 @@ class FanStep(Effect):
 
     def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
         """The fan's power where the heatsink is warmer than the threshold."""
-        hot = _heatsink_C(points, state) > self.value(values, "threshold_C")
+        hot = _read(points.seen_heatsink_C, state["T_heatsink_C"]) > self.value(values, "threshold_C")
         return np.where(hot, self.value(values), 0.0)
 
-    def undecided(self, points: Points, state: Mapping[str, Array], values: Values) -> NDArray[np.bool_]:
+    def undecided(
+        self, points: Points, state: Mapping[str, Array], sigma: Mapping[str, Array], values: Values
+    ) -> Array:
         """Where the heatsink is about as warm as the threshold."""
-        return self.near("threshold_C", _heatsink_C(points, state), values)
+        seen = points.seen_heatsink_C
+        here, off = _read(seen, state["T_heatsink_C"]), np.where(np.isnan(seen), sigma["T_heatsink_C"], 0.0)
+        return self.near("threshold_C", here, off, values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,12 +108,16 @@ class AnalyzerRangeStep(Effect):
         step = self.value(values)
         if step == 0.0:
             return truth
-        low = _input_A(points, truth) < self.value(values, "boundary_A")
+        low = _read(points.seen_I1_A, truth["I1_A"]) < self.value(values, "boundary_A")
         return _show_input(points, truth, truth["P1_W"] * np.where(low, 1.0 + step, 1.0))
 
-    def undecided(self, points: Points, state: Mapping[str, Array], values: Values) -> NDArray[np.bool_]:
+    def undecided(
+        self, points: Points, state: Mapping[str, Array], sigma: Mapping[str, Array], values: Values
+    ) -> Array:
         """Where the input current is about the boundary."""
-        return self.near("boundary_A", _input_A(points, state), values)
+        seen = points.seen_I1_A
+        here, off = _read(seen, state["I1_A"]), np.where(np.isnan(seen), sigma["I1_A"], 0.0)
+        return self.near("boundary_A", here, off, values)
 
 
 def _one(name: str, unit: str, tolerance: float, prior: float, lower: float, upper: float) -> EffectParameter:

@@ -122,3 +122,11 @@ def test_a_fan_goes_by_the_heatsinks_measured_temperature_however_far_the_simula
     verdict = diagnose(load_measurements(frame)).verdict
     assert verdict.stated == ("fan_step",)
     assert verdict.causes[0].term.value == pytest.approx(4.0, abs=0.05)  # half the smooth inaccuracy of 0.1 W
+
+
+def test_a_threshold_does_not_go_by_a_sensor_that_is_stuck() -> None:
+    fan = Model.baseline().with_effect("fan_step", power_W=4.0, threshold_C=40.0)
+    frame = simulated_campaign(fan, seed=1, count=48).assign(T_heatsink_C=45.0)
+    found = diagnose(load_measurements(frame))
+    assert [c.column for c in found.rejected_columns] == ["T_heatsink_C"]
+    assert found.verdict.stated == ("fan_step",)

@@ -13,6 +13,7 @@ from models.diagnosis.law import Laws, law_columns, law_maps
 from models.diagnosis.leftover import Leftovers
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
+from models.diagnosis.thresholds import State
 from models.diagnosis.whitener import Whitener
 from tests.models.diagnosis.fabricated import loads, refinery
 
@@ -98,8 +99,9 @@ def test_maps_of_a_law_are_smooth_and_have_no_level() -> None:
 
 def test_a_reading_near_a_threshold_is_free_to_lie_on_either_side() -> None:
     observations = loads(np.linspace(300.0, 1500.0, 10))
-    state = {"T_heatsink_C": np.linspace(35.0, 44.0, 10), "I1_A": np.full(10, 3.0)}
-    slope = (state["T_heatsink_C"] > 40.0).astype(float)
+    heatsink_C, exact = np.linspace(35.0, 44.0, 10), np.zeros(10)
+    state = State(value={"T_heatsink_C": heatsink_C}, sigma={"T_heatsink_C": exact})
+    slope = (heatsink_C > 40.0).astype(float)
     low = Signature(effect="fan_step", other={"threshold_C": 30.0}, slope=np.ones(10))
     step = Signature(effect="fan_step", other={"threshold_C": 40.0}, slope=slope)
     ((_, of_low), (_, of_step)) = law_columns([low, step], observations, state)
@@ -111,10 +113,25 @@ def test_a_reading_near_a_threshold_is_free_to_lie_on_either_side() -> None:
     assert Laws.none().directions(step, 1.0) is None
 
 
+def test_where_nobody_read_the_temperature_more_readings_are_free_and_each_by_its_odds() -> None:
+    observations = loads(np.linspace(300.0, 1500.0, 10))
+    state = State(
+        value={"T_heatsink_C": np.linspace(35.0, 44.0, 10)}, sigma={"T_heatsink_C": np.full(10, 1.0)}
+    )
+    step = Signature(effect="fan_step", other={"threshold_C": 40.0}, slope=np.ones(10))
+    ((_, columns),) = law_columns([step], observations, state)
+    free = np.max(columns[np.sum(columns != 0.0, axis=1) == 1], axis=0)
+    np.testing.assert_array_equal(free[4:7], 1.0)  # within 1.5 K, as ever
+    assert np.all(np.diff(free[:5]) >= 0.0)
+    assert np.all(np.diff(free[6:]) <= 0.0)
+    assert 0.9 < free[3] < 0.95  # half a sigma beyond: odds of 0.31 to 0.69
+    assert free[0] == 0.0  # three and a half sigmas beyond
+
+
 def test_an_error_of_the_skin_effects_law_may_look_like_plain_resistance() -> None:
     skin, observations = Signature(effect="skin_effect", slope=GROWING * np.cos(POWER_W) ** 2), loads(POWER_W)
-    ((_, alone),) = law_columns([skin], observations, {})
-    (_, (*others, like)), _ = law_columns([skin, LINK], observations, {})
+    ((_, alone),) = law_columns([skin], observations, State())
+    (_, (*others, like)), _ = law_columns([skin, LINK], observations, State())
     np.testing.assert_array_equal(others, alone)
     as_much = like / skin.entry.law + skin.slope  # of plain resistance
     assert np.ptp(as_much / GROWING) < 1e-9  # rounding

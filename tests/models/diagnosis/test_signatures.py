@@ -121,6 +121,19 @@ def test_every_spread_has_a_direction(known: Signatures) -> None:
     assert np.all(np.isfinite(lengths))
 
 
+def test_how_well_a_simulated_temperature_is_known_follows_the_room(
+    observations: Observations, known: Signatures
+) -> None:
+    room_K = CATALOGUE["ambient_drift"].headline.tolerance * np.asarray(observations.points.time_s) / 3600
+    sigma_K = known.state.sigma["T_heatsink_C"]
+    assert np.all(sigma_K >= 0.99 * room_K)  # losses follow temperature a little
+    later = replace(
+        observations, points=replace(observations.points, time_s=observations.points.time_s + 72e3)
+    )
+    twenty_hours_K = signatures(later, Model.baseline(), among=()).state.sigma["T_heatsink_C"]
+    np.testing.assert_allclose(twenty_hours_K**2 - sigma_K**2, (room_K + 2.0) ** 2 - room_K**2, rtol=0.1)
+
+
 @pytest.fixture(scope="module")
 def up_to_the_edge() -> Observations:
     frame = simulated_campaign(Model.baseline(), seed=1, count=40)

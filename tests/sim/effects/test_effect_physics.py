@@ -108,11 +108,22 @@ def test_the_magnetizing_inductance_takes_the_place_of_the_old_one() -> None:
 
 
 def test_near_its_threshold_a_point_is_undecided() -> None:
-    heatsink_C = np.array([38.0, 39.0, 41.0])  # the threshold is good to 1.5 K
+    state = {"T_heatsink_C": np.array([38.0, 39.0, 41.0])}  # the threshold is good to 1.5 K
     fan, none = CATALOGUE["fan_step"], CATALOGUE["auxiliary_power"]
-    state = {"T_heatsink_C": heatsink_C}
-    np.testing.assert_array_equal(fan.undecided(POINTS, state, {"threshold_C": 40.0}), [False, True, True])
-    assert not none.undecided(POINTS, state, {}).any()
+    exact = {"T_heatsink_C": np.zeros(3)}
+    np.testing.assert_array_equal(fan.undecided(POINTS, state, exact, {"threshold_C": 40.0}), [0.0, 1.0, 1.0])
+    assert not none.undecided(POINTS, state, exact, {}).any()
+
+
+def test_where_a_temperature_is_simulated_alone_it_is_open_further_from_the_threshold() -> None:
+    state, sigma = {"T_heatsink_C": np.array([34.5, 37.5, 41.0])}, {"T_heatsink_C": np.full(3, 1.0)}
+    unread = CATALOGUE["fan_step"].undecided(POINTS, state, sigma, {"threshold_C": 40.0})
+    p = 0.15866  # of a normal quantity: more than one sigma beyond
+    np.testing.assert_allclose(unread, [2 * np.sqrt(3.167e-5), 2 * np.sqrt(p * (1 - p)), 1.0], rtol=1e-3)
+    read = replace(POINTS, seen_heatsink_C=state["T_heatsink_C"])
+    np.testing.assert_array_equal(
+        CATALOGUE["fan_step"].undecided(read, state, sigma, {"threshold_C": 40.0}), [0.0, 0.0, 1.0]
+    )
 
 
 def test_a_threshold_goes_by_what_was_read_where_it_was() -> None:
