@@ -17,9 +17,9 @@ off is a rival too (:func:`departure`).
 None of it is known to the diagnosis, and nothing of the diagnosis is used here.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from operator import attrgetter
 from typing import Any
 
@@ -30,7 +30,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from drivers.mocks.lab.hidden import HIDDEN, hide
 from drivers.mocks.lab.laboratory import Laboratory
-from drivers.mocks.lab.survey import Schedule, schedule, settle, survey
+from drivers.mocks.lab.survey import Schedule, Settled, schedule, settle, survey
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
@@ -39,6 +39,7 @@ from sim.simulate import simulate
 from sim.spread import Spread, everyday_spread, shifted_together
 
 Array = NDArray[np.float64]
+Each = Callable[[Callable[[Laboratory], Array], Iterable[Laboratory]], Iterable[Array]]
 
 CHANNELS = (
     "P1_W", "D0", "I_L_rms_A", "P_link1_W", "P_link2_W", "T_heatsink_C", "T_transformer_C", "T_inductor_C",
@@ -136,25 +137,42 @@ class Reach:
         return Sight(shift=white(here.to_numpy(dtype=float)[None, keep])[:, 0], planes=planes)
 
 
-@lru_cache(maxsize=8)
 def reach_of(seed: int, points: int = POINTS) -> Reach:
     """The reach of a design, in a lab of nominal parts."""
-    return reach(design(seed, points))
+    return worked_out(design(seed, points))
 
 
-def reach(plan: Schedule, names: Sequence[str] | None = None) -> Reach:
-    """The reach of any schedule, among all effects or those named."""
+_known: dict[bytes, Reach] = {}
+
+
+def worked_out(plan: Schedule, each: Each = map) -> Reach:
+    """The reach of a schedule among all effects, worked out once or :func:`handed_over` by another process."""
+    key = _key(plan)
+    if key not in _known:
+        _known[key] = reach(plan, each=each)
+    return _known[key]
+
+
+def handed_over(plan: Schedule, known: Reach) -> None:
+    """Take a reach for that of a schedule from now on."""
+    _known[_key(plan)] = known
+
+
+def _key(plan: Schedule) -> bytes:
+    return np.stack([plan.D1, plan.D2, plan.power_W, plan.time_s]).tobytes()
+
+
+def reach(plan: Schedule, names: Sequence[str] | None = None, each: Each = map) -> Reach:
+    """The reach of any schedule, among all effects or those named; ``each`` runs the labs, as ``map`` does."""
     lab = Laboratory.nominal().without_noise()
     origin = settle(lab, plan)
     base_table = survey(lab, plan, seed=0, samples=1, settled=origin)
     base = readings(base_table)
-
-    def moved(other: Laboratory) -> Array:
-        near = settle(other, plan, origin)
-        there = readings(survey(other, plan, seed=0, samples=1, settled=near))
-        return np.asarray((there.reindex(base.index) - base).to_numpy(dtype=float))
-
-    sides = [[moved(other) for other in both] for both in _everyday(lab)]
+    everyday, values = list(_everyday(lab)), {name: HIDDEN[name].drawn for name in names or hideable()}
+    others = [other for both in everyday for other in both]
+    others += [hiding(lab, {name: value}) for name, drawn in values.items() for value in drawn]
+    shifts = iter(each(partial(_shift, plan, origin, base), others))
+    sides = [[next(shifts) for _ in both] for both in everyday]
     nuisance = [0.5 * (side[0] - side[1]) if len(side) == 2 else side[0] for side in sides]
     bends = np.abs([0.5 * (side[0] + side[1]) for side in sides if len(side) == 2])
     rounded = _COUNT * _of(base, "D0")  # whole counts do not bend it
@@ -162,10 +180,7 @@ def reach(plan: Schedule, names: Sequence[str] | None = None) -> Reach:
     runs = np.isfinite(bent) & np.all(np.isfinite(nuisance), axis=0)
     nuisance += _instruments(base, base_table)
     nuisance.append(_laws(base, base_table))
-    effects = {
-        name: np.nan_to_num([moved(hiding(lab, {name: value}))[runs] for value in entry.drawn])
-        for name, entry in ((name, HIDDEN[name]) for name in names or hideable())
-    }
+    effects = {name: np.nan_to_num([next(shifts)[runs] for _ in drawn]) for name, drawn in values.items()}
     return Reach(
         index=base.index[runs],
         sigma=_noise(base)[runs],
@@ -173,6 +188,12 @@ def reach(plan: Schedule, names: Sequence[str] | None = None) -> Reach:
         nuisance=np.stack(nuisance)[:, runs],
         effects=effects,
     )
+
+
+def _shift(plan: Schedule, origin: Settled, base: pd.Series, lab: Laboratory) -> Array:
+    """What a lab reads beside the one that settled at ``origin`` and read ``base`` (M,); NaN where it does not run."""
+    there = readings(survey(lab, plan, seed=0, samples=1, settled=settle(lab, plan, origin)))
+    return np.asarray((there.reindex(base.index) - base).to_numpy(dtype=float))
 
 
 def hiding(lab: Laboratory, values: Mapping[str, float]) -> Laboratory:

@@ -24,10 +24,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from bench.training import simulated_table
 from drivers.mocks.lab.laboratory import Laboratory
-from drivers.mocks.lab.survey import noise_free_efficiency, schedule, survey
+from drivers.mocks.lab.survey import Schedule, noise_free_efficiency, schedule, survey
 from experiments.blind.chosen_points import DESIGN, campaign, measured
 from experiments.blind.part import Outcome, Part, Run
-from experiments.blind.reach import hideable, reach
+from experiments.blind.reach import hideable, worked_out
 from experiments.blind.seeds import Seeds
 from experiments.blind.trial import BlindTrial
 from experiments.harness.lab_data import random_set_points
@@ -154,13 +154,18 @@ class Linear:
 
 
 @lru_cache(maxsize=2)
-def _linear(size: int) -> Linear:
-    """The linear lab of a campaign, by the trial generator's own directions."""
-    base = campaign(size)
+def _with_unseen(size: int) -> Schedule:
+    """A campaign followed by some of the unseen points."""
     D1, D2, power_W = _unseen()[:, :_BOUND_AT]
     more = schedule(D1, D2, power_W, reference_every=10**9, standby=0, no_load=0)
-    plan = base.followed_by(more)
-    known = reach(plan)
+    return campaign(size).followed_by(more)
+
+
+@lru_cache(maxsize=2)
+def _linear(size: int) -> Linear:
+    """The linear lab of a campaign, by the trial generator's own directions."""
+    base, plan = campaign(size), _with_unseen(size)
+    known = worked_out(plan)
     time_s = known.index.get_level_values(0).to_numpy()
     seen = time_s <= base.time_s[-1]
     asked = ~seen & (known.index.get_level_values(1) == "P1_W").astype(bool)
@@ -186,7 +191,7 @@ def labs(seeds: Seeds) -> Iterator[BlindTrial]:
 
 
 def _surrogate(run: Run) -> Outcome:
-    done = run.records(labs, LABS, ask_surrogates)
+    done = run.records(labs, LABS, ask_surrogates, lambda trial: tuple(map(_with_unseen, SIZES)))
     goals, rows = [], []
     for size, bar in SIZES.items():
         records = [record[str(size)] for _, record in done]

@@ -21,7 +21,7 @@ from drivers.mocks.lab.survey import POINT_S, Schedule, schedule, survey
 from experiments.blind.answer import Answer
 from experiments.blind.draws import tied
 from experiments.blind.part import Outcome, Part, Run
-from experiments.blind.reach import CHANNELS, LEAST_SIGMA, Reach, hiding, reach, shift_between
+from experiments.blind.reach import CHANNELS, LEAST_SIGMA, Reach, hiding, shift_between, worked_out
 from experiments.blind.scoring import Share
 from experiments.blind.trial import BlindTrial, laboratory, plain_laboratory
 from experiments.harness.lab_data import random_set_points
@@ -163,20 +163,24 @@ def ask_tied(trial: BlindTrial) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=4)
-def _whole_space(design: int, points: int) -> tuple[Schedule, Reach]:
-    """A design followed by everything that could be measured, and the reach of both."""
+def _whole_space(design: int, points: int) -> Schedule:
+    """A design followed by everything that could be measured."""
     base = BlindTrial(row="tied", seed=design, points=points).plan
     D1, D2, power_W = random_set_points(_LATTICE, np.random.default_rng([_LATTICE_SEED, 10])).T
-    more = schedule(D1, D2, power_W, reference_every=10**9)
-    plan = base.followed_by(more)
-    return plan, reach(plan)
+    return base.followed_by(schedule(D1, D2, power_W, reference_every=10**9))
+
+
+def seen_from(trial: BlindTrial) -> tuple[Schedule, ...]:
+    """What the truth is asked at."""
+    assert trial.design is not None
+    return (_whole_space(trial.design, trial.points),)
 
 
 def _possible(trial: BlindTrial) -> tuple[float, list[str]]:
     """Isolability from the rival after the ten best rows, and the channels that would separate both at once."""
-    assert trial.design is not None
     assert trial.rival is not None
-    plan, known = _whole_space(trial.design, trial.points)
+    (plan,) = seen_from(trial)
+    known = worked_out(plan)
     shift, *instead = _shifts(trial, plan, trial.rival)
     runs = np.all([np.isfinite(there.reindex(shift.index)) for there in instead], axis=0)
     shift, known = shift[runs], _with_rival(known, trial.rival, instead)
@@ -234,7 +238,7 @@ def right_about_channels(record: Mapping[str, Any]) -> bool:
 
 
 def _tied(run: Run) -> Outcome:
-    done = run.records(tied, TIED, ask_tied)
+    done = run.records(tied, TIED, ask_tied, seen_from)
     can = [r for _, r in done if r["separable_sigma"] >= LEAST_SIGMA]
     rest = [r for _, r in done if r["separable_sigma"] < LEAST_SIGMA and not r["separated"]]
     goals = (

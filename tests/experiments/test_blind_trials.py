@@ -1,7 +1,7 @@
 """The plan of the blind trials, what the truth says of them, and one of each kind from lab to verdict."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import islice
 from typing import Any
@@ -212,6 +212,23 @@ def test_a_reading_counts_for_what_does_not_bend_and_not_where_an_ordinary_lab_c
     assert seen[plan.time_s[1], "P1_W"] < 0.1
     assert seen[plan.time_s[2], "P1_W"] > 1.0
     assert (plan.time_s[3], "P1_W") not in seen
+
+
+def test_a_reach_worked_out_by_others_is_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table of trials works a design out once, its labs shared among the processes, and hands it to each."""
+    asked = list[int]()
+
+    def others(work: Callable[[Laboratory], Any], labs: Iterable[Laboratory]) -> Iterable[Any]:
+        asked.append(len(found := [work(lab) for lab in labs]))
+        return found
+
+    monkeypatch.setattr(reach_module, "_known", {})
+    monkeypatch.setattr(reach_module, "everyday_spread", lambda converter: everyday_spread(converter)[:2])
+    monkeypatch.setattr(reach_module, "hideable", lambda: list(RIVALS[:1]))
+    known = reach_module.reach(PLACE.plan, each=others)
+    reach_module.handed_over(PLACE.plan, known)
+    assert reach_module.worked_out(replace(PLACE, seed=1).plan) is known
+    assert asked == [12]  # two parts to both sides, four drifts, two voltages, both ends of an effect
 
 
 # --- trials -------------------------------------------------------------------------------------------
