@@ -11,13 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
 
 from drivers.mocks.lab.hidden import HIDDEN
-from drivers.mocks.lab.survey import POINT_S, Schedule, schedule, survey
+from drivers.mocks.lab.survey import POINT_S, Schedule, schedule, settle, survey
 from experiments.blind.answer import Answer
 from experiments.blind.draws import tied
 from experiments.blind.part import Outcome, Part, Run
@@ -28,6 +30,9 @@ from experiments.harness.lab_data import random_set_points
 from experiments.harness.result import Table
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
 
 TIED, MOST_ROWS = 120, 10
 _LATTICE_SEED, _LATTICE = 17, 120
@@ -184,51 +189,92 @@ def _possible(trial: BlindTrial) -> tuple[float, list[str]]:
     shift, *instead = _shifts(trial, plan, trial.rival)
     runs = np.all([np.isfinite(there.reindex(shift.index)) for there in instead], axis=0)
     shift, known = shift[runs], _with_rival(known, trial.rival, instead)
+    rows = _Rows.of(known, shift, trial.rival)
     start_s = float(trial.plan.time_s[-1])
-    time_s = shift.index.get_level_values(0).to_numpy()
+    time_s = rows.index.get_level_values(0).to_numpy()
     kind = pd.Series(plan.kind, index=plan.time_s).reindex(time_s).to_numpy()
-    channel = shift.index.get_level_values(1).to_numpy()
+    channel = rows.index.get_level_values(1).to_numpy()
     first = (time_s <= start_s) & np.isin(kind, ("load", "reference"))
-    chosen = first & (channel == "P1_W")
-    candidates = [int(k) for k in np.flatnonzero((time_s > start_s) & (channel == "P1_W"))]
-    sigma = _beyond(known, shift[chosen], trial.rival)
+    chosen = np.flatnonzero(first & (channel == "P1_W"))
+    candidates = np.flatnonzero((time_s > start_s) & (channel == "P1_W"))
+    sigma = rows.beyond(chosen)
     for _ in range(MOST_ROWS):
-        if sigma >= LEAST_SIGMA or not candidates:
+        if sigma >= LEAST_SIGMA or not candidates.size:
             break
-        trials = [(_beyond(known, shift[_with(chosen, c)], trial.rival), c) for c in candidates]
-        sigma, best = max(trials)
-        chosen = _with(chosen, best)
-        candidates.remove(best)
+        each = rows.beyond_with(chosen, candidates)
+        best = int(np.argmax(each))
+        sigma, chosen = each[best], np.append(chosen, candidates[best])
+        candidates = np.delete(candidates, best)
     needed = [
         name
         for name in CHANNELS[1:]
-        if _beyond(known, shift[first & np.isin(channel, ("P1_W", name))], trial.rival) >= LEAST_SIGMA
+        if rows.beyond(np.flatnonzero(first & np.isin(channel, ("P1_W", name)))) >= LEAST_SIGMA
     ]
     return sigma, needed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rows:
+    """Readings by time and channel: their variances (M,), what is not known of all of them (K, M), and ``columns``
+    (M, 3), the shift and the plane of its rival."""
+
+    index: "pd.Index[Any]"
+    variance: Array
+    nuisance: Array
+    columns: Array
+
+    @classmethod
+    def of(cls, known: Reach, shift: pd.Series, rival: str) -> Self:
+        """Of a shift the readings that an ordinary lab has too."""
+        place = known.index.get_indexer(shift.index)
+        here = np.flatnonzero(place >= 0)
+        place = place[here]
+        return cls(
+            index=shift.index[here],
+            variance=known.sigma[place] ** 2 + known.bent[place] ** 2,
+            nuisance=known.nuisance[:, place],
+            columns=np.column_stack([shift.to_numpy(dtype=float)[here], known.effects[rival][:, place].T]),
+        )
+
+    def beyond(self, chosen: Rows) -> float:
+        """Sigmas of the shift that the rival cannot imitate, in some of the readings."""
+        return _beyond(solve_triangular(self._root(chosen), self.columns[chosen], lower=True))
+
+    def beyond_with(self, chosen: Rows, candidates: Rows) -> list[float]:
+        """The same with each of the candidates beside them: a whitened row more."""
+        root = self._root(chosen)
+        white = solve_triangular(root, self.columns[chosen], lower=True)
+        shared = solve_triangular(root, self.nuisance[:, chosen].T @ self.nuisance[:, candidates], lower=True)
+        own = self.variance[candidates] + np.sum(self.nuisance[:, candidates] ** 2, axis=0)
+        left = np.sqrt(own - np.sum(shared**2, axis=0))
+        more = (self.columns[candidates] - shared.T @ white) / left[:, None]
+        return [_beyond(np.vstack([white, row])) for row in more]
+
+    def _root(self, chosen: Rows) -> Array:
+        nuisance = self.nuisance[:, chosen]
+        return np.asarray(cholesky(np.diag(self.variance[chosen]) + nuisance.T @ nuisance, lower=True))
+
+
+def _beyond(white: Array) -> float:
+    """How much of a shift is not in its rival's plane, both whitened, (M, 3)."""
+    q, _ = np.linalg.qr(white[:, 1:])
+    return float(np.linalg.norm(white[:, 0] - q @ (q.T @ white[:, 0])))
 
 
 def _shifts(trial: BlindTrial, plan: Schedule, rival: str) -> list[pd.Series]:
     """What the trial's lab reads beside itself with nothing hidden; and with its rival, at both ends of its range."""
     plain = plain_laboratory(trial)
-    labs = (plain, laboratory(trial), *(hiding(plain, {rival: value}) for value in HIDDEN[rival].drawn))
-    before, *tables = (survey(lab, plan, seed=trial.seed) for lab in labs)
-    return [shift_between(table, before) for table in tables]
+    labs = (laboratory(trial), *(hiding(plain, {rival: value}) for value in HIDDEN[rival].drawn))
+    origin = settle(plain, plan)
+    before = survey(plain, plan, seed=trial.seed, settled=origin)
+    near = (survey(lab, plan, seed=trial.seed, settled=settle(lab, plan, origin)) for lab in labs)
+    return [shift_between(table, before) for table in near]
 
 
 def _with_rival(known: Reach, rival: str, shifts: Sequence[pd.Series]) -> Reach:
     """What a rival does taken from these shifts: a row where edges pass each other does so in that very lab."""
     plane = np.nan_to_num(np.stack([there.reindex(known.index).to_numpy(dtype=float) for there in shifts]))
     return replace(known, effects={**known.effects, rival: plane})
-
-
-def _with(chosen: np.ndarray, place: int) -> np.ndarray:
-    more = chosen.copy()
-    more[place] = True
-    return more
-
-
-def _beyond(known: Reach, shift: pd.Series, rival: str) -> float:
-    return known.sight(shift, only=(rival,)).beyond([rival])
 
 
 def right_about_channels(record: Mapping[str, Any]) -> bool:
