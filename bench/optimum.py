@@ -17,7 +17,13 @@ from models.pso import PSO_SAVL_POLISHED
 from models.surrogate import EfficiencyModel
 from sim.model import Model
 
-LOADS_W = tuple(float(power_W) for power_W in range(200, 2001, 100))
+LOADS = 19  # from a tenth of the rated power to all of it: steps of 100 W for the prototype
+
+
+def loads_of(simulator: Model) -> tuple[float, ...]:
+    """The output powers that a table is made for where nobody says others."""
+    rated_W = simulator.converter.rated_power_W
+    return tuple(np.linspace(0.1 * rated_W, rated_W, LOADS).tolist())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +31,7 @@ class BestModulation:
     """A search over the same loads for one model after another; the simulator's mask is asked for once."""
 
     simulator: Model
-    loads_W: Sequence[float] = LOADS_W
+    loads_W: Sequence[float]
 
     @cached_property
     def mask(self) -> FeasibleMap:

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from bench.lut_file import LutOrigin, write_beside
-from bench.optimum import LOADS_W, BestModulation
+from bench.optimum import BestModulation, loads_of
 from bench.store import Store
 from bench.training import HALF_WIDTH, HELD_OUT, NotTrained, Say, Trainer, efficiency_of, simulated_table
 from bench.training_data import Places, TrainingData, same_bench
@@ -74,7 +74,7 @@ class Retrainer:
     now: Callable[[], str]
     kinds: tuple[str, ...] = KINDS  # of candidates; the best of them is judged against its rivals
     shape: tuple[int, int, int] = (25, 25, 20)  # of the simulated grid: D1, D2, power
-    loads_W: tuple[float, ...] = LOADS_W  # of the table
+    loads_W: tuple[float, ...] | None = None  # of the table; else the converter's
     say: Say = lambda said: None  # what it is at
 
     @property
@@ -90,7 +90,7 @@ class Retrainer:
     @cached_property
     def search(self) -> BestModulation:
         """The search over load; it asks the simulator once what each load can be carried with."""
-        return BestModulation(simulator=self.simulator, loads_W=self.loads_W)
+        return BestModulation(simulator=self.simulator, loads_W=self.loads_W or loads_of(self.simulator))
 
     def retrain(self, data: TrainingData) -> Retraining:
         """Train, judge and decide; the table of a promoted model is written beside it."""

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from bench.campaign import run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
 from bench.job import Job
-from bench.optimum import BestModulation
+from bench.optimum import BestModulation, loads_of
 from bench.plan import Kind, PlannedPoint
 from bench.process import Owner
 from bench.retrain import Retrainer, said_of
@@ -100,7 +100,7 @@ def _retraining(settings: Settings, folder: Path) -> tuple[Table, Goal]:
     simulated, simulate_s, simulate_cpu_s = _timed(lambda: retrainer.simulated)
     done, judged_s, judged_cpu_s = _timed(lambda: retrainer.retrain(data))
     model, stages_s, stages_cpu_s = _timed(lambda: train_d2ea(simulated, data.rows))
-    search = BestModulation(simulator=simulator)
+    search = BestModulation(simulator=simulator, loads_W=loads_of(simulator))
     _, optimum_s, optimum_cpu_s = _timed(lambda: search.table(model, search.exactly(model)))
     said = said_of(done.decision) if done.decision else done.said
     rows: tuple[tuple[Cell, ...], ...] = (

@@ -103,3 +103,13 @@ def grid_of(converter: Converter, shape: tuple[int, int, int] = (25, 25, 20)) ->
     return replace(
         grid(shape, lowest_W=0.1 * rated_W, highest_W=rated_W), V1_V=converter.V1_V, V2_V=converter.V2_V
     )
+
+
+def nominal_points(converter: Converter, D1: Quantity, D2: Quantity, power_W: Quantity) -> Points:
+    """Set points of a converter at its nominal voltages.
+
+    >>> from sim.prototype import prototype
+    >>> nominal_points(prototype(), 0.9, 0.1, 600.0).V2_V.tolist()
+    [140.0]
+    """
+    return Points(D1=D1, D2=D2, power_W=power_W, V1_V=converter.V1_V, V2_V=converter.V2_V)

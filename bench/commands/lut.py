@@ -20,13 +20,13 @@ from bench.errors import BenchError, InputError
 from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_beside, write_lut
 from bench.lut_on_bench import following, load_into_controller, table_rows, verification, verified
 from bench.model_file import model_from
-from bench.optimum import BestModulation
+from bench.optimum import BestModulation, loads_of
 from bench.store import Store, database_url
 from bench.table_file import check_ending, write_table
 from bench.training import HALF_WIDTH, efficiency_of
 from bench.wording import per_cent, points_text
 from drivers.clock import WallClock
-from models.calibrated import vouched
+from models.calibrated import Vouched, vouched
 from models.journal import Journal
 from models.lut import Lut, edge_gap_of
 from models.optimise import OptimumTable
@@ -51,7 +51,12 @@ def optimise(
         str | None,
         typer.Option("--model", metavar="ID", help="else the one in use, else the newest calibrated or d2ea"),
     ] = None,
-    powers: Annotated[str, typer.Option(metavar="LOW:HIGH:STEP", help="output powers in W")] = "200:2000:100",
+    powers: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOW:HIGH:STEP", help="output powers in W; else a tenth of the rated one to all of it"
+        ),
+    ] = None,
     out_file: Annotated[Path, typer.Option("--out", metavar="lut.csv|.h|.json")] = Path("lut.csv"),
     folder: Folder = DEFAULT_FOLDER,
     sim_model: SimModel = None,
@@ -60,9 +65,12 @@ def optimise(
     """Find D1 and D2 of the highest predicted efficiency over load, as a table that firmware can interpolate."""
     check_lut_ending(out_file)
     check_folder(out_file.parent, "--out")
-    search = BestModulation(simulator=model_from(sim_model), loads_W=parse_powers(powers))
+    asked_W = parse_powers(powers) if powers is not None else None
+    simulator = model_from(sim_model)
     record = chosen(Registry(folder), model_id)
-    model = vouched(Registry(folder).load(record.id, efficiency_of(search.simulator)))
+    model = vouched(Registry(folder).load(record.id, efficiency_of(simulator)))
+    own = model.of.model if isinstance(model, Vouched) else simulator
+    search = BestModulation(simulator=simulator, loads_W=asked_W or loads_of(own))
     optimum = search.best(model, seed)
     lut = search.table(model, optimum, record.metrics.get(HALF_WIDTH, math.nan))
     write_lut(lut, out_file, LutOrigin.of(record))

@@ -1,0 +1,47 @@
+"""Training for another converter than the prototype: its voltages and its powers, not the prototype's."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.model_file import read_model
+from bench.optimum import loads_of
+from bench.training import efficiency_of, feasible_of, simulated_table
+from models.lut import Surroundings
+from sim.model import Model
+from sim.operating_points import nominal_points
+from sim.simulate import simulate
+
+TWO_LEVEL = (
+    Path(__file__).resolve().parents[2] / "docs" / "examples" / "two_level_dab.toml"
+)  # 400 V, 48 V, 1.5 kW
+
+
+@pytest.fixture(scope="module")
+def other() -> Model:
+    return read_model(TWO_LEVEL)
+
+
+def test_another_converter_is_simulated_at_its_own_voltages(other: Model) -> None:
+    place = np.array([0.9]), np.array([0.1]), np.array([900.0])
+    expected = simulate(other, nominal_points(other.converter, *place))
+    assert expected.feasible.all()
+    assert efficiency_of(other)(*place).tolist() == expected["efficiency"].tolist()
+    assert feasible_of(other)(*place).all()
+    predicted, _ = Surroundings(model=Predicting(), simulator=other).ask(*place)
+    assert np.isfinite(predicted).all()
+
+
+class Predicting:
+    """A model that predicts the same everywhere: what is not NaN in a table is what the simulator carries."""
+
+    def predict(self, D1, D2, power_W):
+        return np.full(np.shape(power_W), 0.9)
+
+
+def test_powers_go_from_a_tenth_of_the_rated_one_to_all_of_it(other: Model) -> None:
+    table = simulated_table(other, (5, 5, 3))
+    assert set(table["power_W"]) <= {150.0, 825.0, 1500.0}
+    assert loads_of(other)[0] == pytest.approx(150.0, rel=1e-15)  # a tenth rounds
+    assert loads_of(Model.baseline()) == tuple(float(power_W) for power_W in range(200, 2001, 100))
