@@ -220,7 +220,7 @@ def test_train_then_list_then_optimise(
     d2ea("import", measured_table())
     assert d2ea("train", "1") == 0
     assert d2ea("models", "list") == 0
-    assert capsys.readouterr().out.count("d2ea ") == 2  # in the training's table and in the list
+    assert capsys.readouterr().out.count(" d2ea ") == 2  # in the training's table and in the list
     assert d2ea("optimise", "--powers", "400:800:200", "--out", "lut.json") == 0
     rows = json.loads(Path("lut.json").read_text())["table"]
     assert [row["P_W"] for row in rows] == [400.0, 600.0, 800.0]
