@@ -15,8 +15,6 @@ from sqlalchemy import Connection, event
 
 from bench.store.database import Database
 
-Pragma = Callable[[Connection], None]
-
 
 class Failures:
     """One database file and its bad days; ``heal`` ends them."""

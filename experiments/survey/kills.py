@@ -23,7 +23,6 @@ from experiments.survey.campaign import bench_of, campaign
 from experiments.survey.child import STEPS, WHERE, Orders, Place, live
 from experiments.survey.steady_plant import Row, SteadyPlant
 
-PLACES_OF_A_ROW = len(STEPS) * len(WHERE)
 TOO_LONG_S = 120.0
 KILLED = -9
 
