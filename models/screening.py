@@ -86,7 +86,7 @@ CHECKS = (
     Check("P2_W", "not above 0 W: a loaded point delivers power to the output", lambda f: f["P2_W"] <= 0),
     Check(
         "P2_W",
-        f"below 10 W: this looks like kilowatts; powers are in W, and {_in_factor('P2_W', '1000')}",
+        f"below 10 W: this looks like kilowatts; powers are in W, and {_in_factor('P2_W', '1000')}, P1_W alike",
         lambda f: f["P2_W"] < KILOWATT_LIMIT,
     ),
     Check(
@@ -194,6 +194,10 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
         reject(frame["kind"].isin(check.kinds) & check.impossible(frame), check.column, check.reason)
     text = raw.astype(str)  # whatever stands in unknown columns can be compared as text
     reject(text.duplicated(keep="first"), str(raw.columns[0]), "repeats an earlier row in every column")
+    if "time_s" in raw:
+        read = text[[column for column in text if column in (*NUMERIC_COLUMNS, "kind")]]
+        again = read.duplicated(keep="first") & frame["time_s"].notna()
+        reject(again, "time_s", "repeats an earlier row: every reading, and when it was taken")
     return tuple(rejected[row] for row in sorted(rejected))
 
 

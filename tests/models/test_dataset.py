@@ -69,6 +69,13 @@ def test_a_row_that_repeats_another_is_rejected_and_a_replicate_is_not():
     assert str(result.rejected[0]).startswith("row 3, D1 = 0.8: repeats")
 
 
+def test_a_row_that_repeats_another_but_for_its_number_is_told_by_its_time():
+    copied = table({"time_s": 1.0, "Nr.": 1}, {"time_s": 1.0, "Nr.": 2}, {"time_s": 2.0, "Nr.": 3})
+    (rejected,) = load_measurements(copied).rejected
+    assert (rejected.row, rejected.column) == (2, "time_s")
+    assert len(load_measurements(copied.drop(columns="time_s")).rejected) == 0
+
+
 def test_standby_rows_need_input_power_only():
     standby = {"D1": np.nan, "D2": np.nan, "P2_W": np.nan, "P1_W": 6.0, "kind": "standby"}
     result = load_measurements(table({"kind": "load"}, standby))
