@@ -24,6 +24,7 @@ from bench.wording import (
     effect_name,
     fixed,
     join,
+    minus,
     parameter_text,
     per_cent,
     points_text,
@@ -96,8 +97,9 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     made.filters |= {
-        "points": points_text, "per_cent": per_cent, "duration": duration, "words": effect_name,
-        "counted": counted, "fixed": fixed, "parameter": lambda parameter: unbroken(parameter_text(parameter)),
+        "points": lambda *said: minus(points_text(*said)), "per_cent": per_cent, "duration": duration,
+        "words": effect_name, "counted": counted, "fixed": fixed,
+        "parameter": lambda parameter: unbroken(parameter_text(parameter)),
         "action": action_text, "probability": probability_text,
     }  # fmt: skip
     return made
