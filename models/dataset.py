@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow
 
 from models.csv_table import CsvError, CsvTable, read_csv
-from models.other_names import OtherName, OtherNameError, as_option, meant, renamed
+from models.other_names import OtherName, OtherNameError, as_option, converting, meant, renamed
 from models.screening import (
     KNOWN_COLUMNS,
     LOADED_KINDS,
@@ -74,7 +74,12 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
     _check_columns(read, raw, name)
     frame, notes = numbers(raw)
     rejected = tuple(
-        replace(row, line=read.lines[row.row - 1]) if read.lines else row for row in screen(frame, raw)
+        replace(
+            row,
+            reason=converting(row.reason, names),
+            line=read.lines[row.row - 1] if read.lines else None,
+        )
+        for row in screen(frame, raw)
     )
     kept = np.ones(len(frame), dtype=bool)
     kept[[row.row - 1 for row in rejected]] = False

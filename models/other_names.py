@@ -101,6 +101,22 @@ def renamed(raw: pd.DataFrame, names: Sequence[OtherName]) -> pd.DataFrame:
     return frame
 
 
+def converting(said: str, names: Sequence[OtherName]) -> str:
+    """What is said of a column, with the option that converts it as it is to be typed for this table.
+
+    >>> pin = OtherName(ours="P1_W", theirs="Pin (kW)", factor=10.0)
+    >>> converting("d2ea import --column P1_W=P1_W*100 converts it", [pin])
+    'd2ea import --column "P1_W=Pin (kW)*1000" converts it'
+    """
+    for name in names:
+        ours = re.escape(name.ours)
+        option = re.search(rf"{ours}={ours}\*([\d.]+)", said)
+        if option:
+            typed = f'"{name.ours}={name.theirs}*{name.factor * float(option[1]):g}"'
+            said = said.replace(option[0], typed)
+    return said
+
+
 def meant(required: Sequence[str], optional: Sequence[str], there: Sequence[str]) -> dict[str, str]:
     """Which of a table's columns is meant by each of ours, as far as one seems to be; none is meant twice.
 

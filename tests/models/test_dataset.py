@@ -281,6 +281,15 @@ def test_columns_under_other_names_and_in_other_units(tmp_path):
     assert [(r.row, r.column, r.value) for r in result.rejected] == [(2, "P2_W", "-")]
 
 
+def test_the_option_that_converts_is_told_with_the_name_that_the_table_has(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("D1,D2,P2_W,eta\n0.8,0.2,600,98.1\n")
+    with pytest.raises(
+        DatasetError, match=re.escape('d2ea import --column "efficiency=eta*0.01" converts it')
+    ):
+        load_measurements(path, [OtherName.parse("efficiency=eta")])
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
