@@ -116,6 +116,18 @@ with kept(2):
     assert fresh(program) == "told [1, 2]"
 
 
+def test_a_part_shares_no_further() -> None:
+    """The fork that is kept is busy with the other part: what comes back next is the answer to that."""
+    program = """
+from functools import partial
+from sim.side_by_side import at_once, kept
+with kept(2):
+    print(at_once(partial(at_once, partial(min, 3, 4), partial(max, 3, 4)), partial(abs, -5)))
+    print(at_once(partial(abs, -1), partial(abs, -2)))
+"""
+    assert fresh(program).splitlines() == ["[[3, 4], 5]", "[1, 2]"]
+
+
 def test_two_processes_simulate_what_one_does() -> None:
     columns = grid_columns()
     alone, shared = (solve_rows(Model.baseline(), columns, processes) for processes in (1, 2))
