@@ -21,7 +21,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
 from operator import attrgetter
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -30,7 +30,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from drivers.mocks.lab.hidden import HIDDEN, hide
 from drivers.mocks.lab.laboratory import Laboratory
-from drivers.mocks.lab.survey import Schedule, Settled, schedule, settle, survey
+from drivers.mocks.lab.survey import SUPPLY_V, Schedule, Settled, schedule, settle, survey
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
@@ -51,6 +51,10 @@ _LOADED = ("load", "reference")
 _EVERYDAY = {"duty_offset": 3e-4, "ambient_K_per_h": 0.1, "drift_share": 2e-3, "choke_drop": 0.01}
 _OF_PORT_1 = {"input_gain": ("voltage_gain", "current_gain"), "input_offset_A": ("offset_A",)}
 _ROOT_3, _UPDATES = 3**0.5, 8
+# What a bench holds its terminal voltages to, one sigma, and the share of it that an analyzer's reading leaves unseen
+_OUTPUT_HELD, _SUPPLY_HELD_V = 5e-4, 0.1
+_MISREAD = 4e-4 * 3e-1 / _ROOT_3  # of the reading
+_UNSEEN = np.array([[_MISREAD / _OUTPUT_HELD], [_MISREAD * SUPPLY_V / _SUPPLY_HELD_V]])
 # noise of one row, of reading: the input's and the output's (efficiency is judged), current, ac power
 _NOISE = {"P1_W": 1.4e-4, "I_L_rms_A": 2e-4, "P_link1_W": 4e-4, "P_link2_W": 4e-4}
 _COUNT = 1 / 2500  # of D0, as a controller reports it
@@ -81,15 +85,25 @@ def readings(table: pd.DataFrame) -> pd.Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """Whitened directions: a shift (M,), and the planes of effects (M, 2) by name."""
+    """Whitened directions: a shift (M,), what the lab's own parts do beside it (M,), effects' planes (M, 2) by name."""
 
     shift: Array
+    own: Array
     planes: Mapping[str, Array]
 
     @property
     def detectability(self) -> float:
         """Sigmas of the shift against nothing at all."""
         return float(np.linalg.norm(self.shift))
+
+    @property
+    def beyond_ordinary(self) -> float:
+        """The same as this very lab shows it, whose other parts add to it or take it back.
+
+        Of all ordinary benches with any parts, the likeliest is less likely by exp(-s²/2) than what is there.
+        """
+        speaks_for_it = float(self.shift @ (self.shift + 2.0 * self.own))
+        return float(np.sqrt(max(speaks_for_it, 0.0)))
 
     def beyond(self, names: Sequence[str]) -> float:
         """Sigmas of the shift that these effects together cannot imitate."""
@@ -111,22 +125,41 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """All directions of one design, by reading; ``sigma`` is the noise of each, ``bent`` what parts bend it by."""
+    """All directions of one design, by reading; ``sigma`` is the noise of each, ``bent`` what parts bend it by.
+
+    ``voltages`` (2, M) are those of the terminals as a bench holds them; an analyzer that reads them leaves a part.
+    ``nominal`` (M,) is what a lab of nominal parts reads.
+    """
 
     index: "pd.Index[Any]"
+    nominal: Array
     sigma: Array
     bent: Array
     nuisance: Array
+    voltages: Array
     effects: Mapping[str, Array]
 
+    def unknown(self, *, voltages_read: bool = True) -> Array:
+        """One-sigma directions of what is not known of an honest bench, (K, M)."""
+        return np.concatenate([self.nuisance, (_UNSEEN if voltages_read else 1.0) * self.voltages])
+
     def sight(
-        self, shift: pd.Series, channels: Sequence[str] = CHANNELS, only: Sequence[str] | None = None
+        self,
+        shift: pd.Series,
+        channels: Sequence[str] = CHANNELS,
+        only: Sequence[str] | None = None,
+        *,
+        voltages_read: bool = True,
+        plain: pd.Series | None = None,
     ) -> Sight:
-        """What can be seen of a shift, by the readings it has, in some channels; ``only`` these effects' planes."""
+        """What can be seen of a shift, by the readings it has, in some channels; ``only`` these effects' planes.
+
+        ``plain`` is what the lab reads without it and without noise; by default as a nominal one.
+        """
         here = shift.reindex(self.index)
         keep = here.notna().to_numpy() & self.index.get_level_values(1).isin(channels)
-        nuisance, own = self.nuisance[:, keep], self.sigma[keep] ** 2 + self.bent[keep] ** 2
-        C = np.diag(own) + nuisance.T @ nuisance
+        nuisance = self.unknown(voltages_read=voltages_read)[:, keep]
+        C = np.diag(self.sigma[keep] ** 2 + self.bent[keep] ** 2) + nuisance.T @ nuisance
         factor = cholesky(C, lower=True)
 
         def white(rows: Array) -> Array:
@@ -134,7 +167,19 @@ class Reach:
 
         wanted = self.effects if only is None else only
         planes = {name: white(self.effects[name][:, keep]) for name in wanted}
-        return Sight(shift=white(here.to_numpy(dtype=float)[None, keep])[:, 0], planes=planes)
+        own = np.zeros_like(self.nominal)
+        if plain is not None:
+            own = np.nan_to_num(plain.reindex(self.index).to_numpy(dtype=float) - self.nominal)
+        shift_and_own = np.stack([here.to_numpy(dtype=float), own])[:, keep]
+        return Sight(shift=white(shift_and_own)[:, 0], own=white(shift_and_own)[:, 1], planes=planes)
+
+    def with_planes(self, shifts: Mapping[str, Sequence[pd.Series]]) -> Self:
+        """The same with what these effects do taken from shifts of one lab; a row that it cannot run tells nothing."""
+        planes = {
+            name: np.nan_to_num([there.reindex(self.index).to_numpy(dtype=float) for there in both])
+            for name, both in shifts.items()
+        }
+        return replace(self, effects={**self.effects, **planes})
 
 
 def reach_of(seed: int, points: int = POINTS) -> Reach:
@@ -169,7 +214,7 @@ def reach(plan: Schedule, names: Sequence[str] | None = None, each: Each = map) 
     base_table = survey(lab, plan, seed=0, samples=1, settled=origin)
     base = readings(base_table)
     everyday, values = list(_everyday(lab)), {name: HIDDEN[name].drawn for name in names or hideable()}
-    others = [other for both in everyday for other in both]
+    others = [other for both in everyday for other in both] + (held := list(_voltages(lab)))
     others += [hiding(lab, {name: value}) for name, drawn in values.items() for value in drawn]
     shifts = iter(each(partial(_shift, plan, origin, base), others))
     sides = [[next(shifts) for _ in both] for both in everyday]
@@ -177,15 +222,18 @@ def reach(plan: Schedule, names: Sequence[str] | None = None, each: Each = map) 
     bends = np.abs([0.5 * (side[0] + side[1]) for side in sides if len(side) == 2])
     rounded = _COUNT * _of(base, "D0")  # whole counts do not bend it
     bent = np.linalg.norm(np.maximum(bends - rounded, 0.0), axis=0)
-    runs = np.isfinite(bent) & np.all(np.isfinite(nuisance), axis=0)
+    voltages = np.stack([next(shifts) for _ in held])
+    runs = np.isfinite(bent) & np.all(np.isfinite([*nuisance, *voltages]), axis=0)
     nuisance += _instruments(base, base_table)
     nuisance.append(_laws(base, base_table))
     effects = {name: np.nan_to_num([next(shifts)[runs] for _ in drawn]) for name, drawn in values.items()}
     return Reach(
         index=base.index[runs],
+        nominal=base.to_numpy(dtype=float)[runs],
         sigma=_noise(base)[runs],
         bent=bent[runs],
         nuisance=np.stack(nuisance)[:, runs],
+        voltages=voltages[:, runs],
         effects=effects,
     )
 
@@ -257,15 +305,18 @@ def _at(lab: Laboratory, path: str) -> float:
 
 
 def _everyday(lab: Laboratory) -> Iterator[tuple[Laboratory, ...]]:
-    """The lab with each part off by one sigma to both sides, with each drift and voltage to one."""
+    """The lab with each part off by one sigma to both sides, with each drift to one."""
     for spread in everyday_spread(lab.converter):
         sides = (1.0, -1.0) if np.isinf(spread.lower) else (1.0,)  # a resistance may end at none
         yield tuple(replace(lab, converter=spread.shifted(lab.converter, side)) for side in sides)
     for name, sigma in _EVERYDAY.items():
         yield (replace(lab, quirks=replace(lab.quirks, **{name: sigma})),)
-    share = 4e-4 * 3e-1 / _ROOT_3  # what a voltage reading may be off by, and nobody sees
-    yield (replace(lab, errors=replace(lab.errors, output_sense=share)),)
-    yield (replace(lab, errors=replace(lab.errors, supply_V=300.0 * share)),)
+
+
+def _voltages(lab: Laboratory) -> Iterator[Laboratory]:
+    """The lab with each terminal voltage one sigma off where it is held."""
+    yield replace(lab, errors=replace(lab.errors, output_sense=_OUTPUT_HELD))
+    yield replace(lab, errors=replace(lab.errors, supply_V=_SUPPLY_HELD_V))
 
 
 def _of(base: pd.Series, *channels: str) -> Array:
@@ -280,7 +331,7 @@ def _instruments(base: pd.Series, table: pd.DataFrame) -> list[Array]:
     loaded = input_W * (P2_W > 0)
     found = [
         input_W * value * 3e-4 / _ROOT_3,
-        input_W * 300.0 * 2.5e-3 / _ROOT_3,
+        input_W * SUPPLY_V * 2.5e-3 / _ROOT_3,
         loaded * P2_W * 3e-4 / _ROOT_3,
         loaded * 140.0 * 5e-3 / _ROOT_3,
     ]

@@ -188,8 +188,7 @@ def _possible(trial: BlindTrial) -> tuple[float, list[str]]:
     known = worked_out(plan)
     shift, *instead = _shifts(trial, plan, trial.rival)
     runs = np.all([np.isfinite(there.reindex(shift.index)) for there in instead], axis=0)
-    shift, known = shift[runs], _with_rival(known, trial.rival, instead)
-    rows = _Rows.of(known, shift, trial.rival)
+    rows = _Rows.of(known.with_planes({trial.rival: instead}), shift[runs], trial.rival)
     start_s = float(trial.plan.time_s[-1])
     time_s = rows.index.get_level_values(0).to_numpy()
     kind = pd.Series(plan.kind, index=plan.time_s).reindex(time_s).to_numpy()
@@ -232,7 +231,7 @@ class _Rows:
         return cls(
             index=shift.index[here],
             variance=known.sigma[place] ** 2 + known.bent[place] ** 2,
-            nuisance=known.nuisance[:, place],
+            nuisance=known.unknown(voltages_read=False)[:, place],
             columns=np.column_stack([shift.to_numpy(dtype=float)[here], known.effects[rival][:, place].T]),
         )
 
@@ -269,12 +268,6 @@ def _shifts(trial: BlindTrial, plan: Schedule, rival: str) -> list[pd.Series]:
     before = survey(plain, plan, seed=trial.seed, settled=origin)
     near = (survey(lab, plan, seed=trial.seed, settled=settle(lab, plan, origin)) for lab in labs)
     return [shift_between(table, before) for table in near]
-
-
-def _with_rival(known: Reach, rival: str, shifts: Sequence[pd.Series]) -> Reach:
-    """What a rival does taken from these shifts: a row where edges pass each other does so in that very lab."""
-    plane = np.nan_to_num(np.stack([there.reindex(known.index).to_numpy(dtype=float) for there in shifts]))
-    return replace(known, effects={**known.effects, rival: plane})
 
 
 def right_about_channels(record: Mapping[str, Any]) -> bool:

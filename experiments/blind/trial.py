@@ -8,18 +8,22 @@ import numpy as np
 import pandas as pd
 
 from drivers.mocks.lab.foreign.families import FOREIGN
+from drivers.mocks.lab.hidden import HIDDEN
 from drivers.mocks.lab.instruments import InstrumentErrors
 from drivers.mocks.lab.laboratory import DRIFT_S, Laboratory
-from drivers.mocks.lab.survey import Schedule, survey
+from drivers.mocks.lab.survey import Schedule, settle, survey
 from experiments.blind.answer import NO_ANSWER, Answer
 from experiments.blind.reach import (
     CHANNELS,
     EFFICIENCY_ONLY,
     LEAST_SIGMA,
+    Reach,
     Sight,
     departure,
     design,
+    hiding,
     reach_of,
+    readings,
     shift_between,
     without,
 )
@@ -37,6 +41,8 @@ _EFFICIENCY_COLUMNS = [
     "P2_W",
     "efficiency",
 ]  # when is known to the truth's isolability too
+_NEAR_SIGMA = 8.0  # a rival beyond it in a nominal lab is none in another one
+_LITTLE_LESS = 0.9  # of what can be seen at all: nor is one that leaves more than this
 _U_OF = {"u_P1_W": ("P1_W", 3.5e-5), "u_P2_W": ("P2_W", 3.5e-5)}  # of reading: the mean of eight updates
 
 
@@ -119,28 +125,59 @@ def measured(trial: BlindTrial) -> pd.DataFrame:
 
 
 def sight_of(trial: BlindTrial, table: pd.DataFrame) -> Sight:
-    """What the truth says can be seen of what the trial hides."""
+    """What the truth says can be seen of what the trial hides.
+
+    The rivals of a single effect that are not far off, and take some of it, are tried in the trial's own lab, where
+    edges turn and limits lie as they do for what is hidden.
+    """
     assert trial.design is not None
-    plain = survey(plain_laboratory(trial), trial.plan, seed=trial.seed)
-    channels = EFFICIENCY_ONLY if trial.efficiency_only else CHANNELS
+    lab = plain_laboratory(trial)
+    start = settle(lab, trial.plan)
+    plain = survey(lab, trial.plan, seed=trial.seed, settled=start)
     if trial.efficiency_only:
         table = table[table["kind"].isin(LOADED_KINDS)]
-    return reach_of(trial.design, trial.points).sight(shift_between(table, plain), channels)
+    known, shift = reach_of(trial.design, trial.points), shift_between(table, plain)
+    quiet = survey(lab.without_noise(), trial.plan, seed=trial.seed, samples=1, settled=start)
+    sight = _sight(trial, known, shift, quiet)
+    if len(trial.names) > 1 or trial.names[0] in FOREIGN or sight.detectability < LEAST_SIGMA:
+        return sight
+
+    def does(name: str, value: float) -> pd.Series:
+        other = hiding(lab, {name: value})
+        there = survey(other, trial.plan, seed=trial.seed, settled=settle(other, trial.plan, start))
+        return shift_between(there, plain)
+
+    far = min(_NEAR_SIGMA, _LITTLE_LESS * sight.detectability)
+    near = [name for name, sigma in sight.rivals(trial.names).items() if sigma < far]
+    here = {name: [does(name, value) for value in HIDDEN[name].drawn] for name in near}
+    return _sight(trial, known.with_planes(here), shift, quiet) if here else sight
+
+
+def _sight(trial: BlindTrial, known: Reach, shift: pd.Series, quiet: pd.DataFrame) -> Sight:
+    """The sight of a shift with what a trial's table holds: efficiency alone comes without voltages.
+
+    ``quiet`` is what the lab reads without what is hidden and without noise. Whatever is asked of the input power is
+    asked at the output power that is read.
+    """
+    alone = trial.efficiency_only
+    plain = readings(quiet.assign(P1_W=quiet["P1_W"] - (quiet["P2_W"] - quiet["P_set_W"])))
+    channels = EFFICIENCY_ONLY if alone else CHANNELS
+    return known.sight(shift, channels, voltages_read=not alone, plain=plain)
 
 
 def isolability(trial: BlindTrial, sight: Sight) -> float:
     """Sigmas by which what is hidden stands out of whatever could be mistaken for it.
 
     One effect: of every other effect. A foreign one: of the whole catalogue together. Of a pair, the shift of
-    both: of every single effect, and of each of the two with any third. Efficiency alone: of nothing. Each effect also
-    of an ordinary bench whose parts are as far off.
+    both: of every single effect, and of each of the two with any third. Efficiency alone: of nothing, as the design
+    has it and as this lab shows it. Each effect also of an ordinary bench whose parts are as far off.
     """
     if any(name in FOREIGN for name in trial.names):
         return sight.beyond(list(sight.planes))
     lab = laboratory(trial)
     ordinary = min(departure(lab, name) for name in trial.names)
     if trial.efficiency_only:
-        return min(sight.detectability, ordinary)
+        return min(sight.detectability, sight.beyond_ordinary, ordinary)
     beside = [()] if len(trial.names) == 1 else [(name,) for name in trial.names]
     return min(ordinary, *(min(sight.rivals(trial.names, left).values()) for left in beside))
 

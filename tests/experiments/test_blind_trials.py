@@ -194,6 +194,36 @@ def test_efficiency_alone_does_not_see_a_skew_and_d0_does(sighted: dict[str, bli
     assert sighted["gate_delay_skew"].detectability > 5.0
 
 
+def test_rivals_that_take_some_of_it_are_tried_in_the_very_lab(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = []
+
+    def recorded(lab: Laboratory, values: dict[str, float]) -> Laboratory:
+        tried.append(*values)
+        return reach_module.hiding(lab, values)
+
+    monkeypatch.setattr(blind_trial, "hiding", recorded)
+    trial = replace(PLACE, hidden=(("auxiliary_power", 5.0),), efficiency_only=True)
+    blind_trial.sight_of(trial, measured(trial))
+    assert tried.count("analyzer_offset") == 2  # both ends of its range
+    assert "gate_delay_skew" not in tried
+
+
+def test_a_voltage_that_nobody_reads_may_be_off_as_far_as_a_bench_holds_it() -> None:
+    known = blind_trial.reach_of(PLACE.design, PLACE.points)
+    off = pd.Series(known.voltages[1], known.index)  # the supply, one sigma
+    noise_free = replace(known, sigma=1e-6 * known.sigma, bent=0.0 * known.bent, nuisance=known.nuisance[:0])
+    unread, read = (noise_free.sight(off, ("P1_W",), voltages_read=r).detectability for r in (False, True))
+    assert unread == pytest.approx(1.0, rel=1e-3)  # by definition; noise is a millionth
+    assert read == pytest.approx(0.1 / (300.0 * 6.93e-5), rel=1e-3)
+
+
+def test_a_row_that_a_rival_cannot_run_tells_nothing_of_it() -> None:
+    known = blind_trial.reach_of(PLACE.design, PLACE.points)
+    half = pd.Series(1.0, known.index[::2])
+    plane = known.with_planes({"auxiliary_power": [half, 2 * half]}).effects["auxiliary_power"]
+    np.testing.assert_array_equal(plane[:, :2], [[1.0, 0.0], [2.0, 0.0]])
+
+
 def test_a_foreign_effect_stands_out_of_the_whole_catalogue(sighted: dict[str, blind_trial.Sight]) -> None:
     sight = sighted["dc_link_esr"]
     assert 5.0 < sight.beyond(list(sight.planes)) < sight.detectability
