@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from drivers.mocks.lab.hidden import HIDDEN, hide
+from drivers.mocks.lab.instruments import FACTOR, GAIN, OFFSET_A, OFFSET_W
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import SUPPLY_V, Schedule, Settled, schedule, settle, survey
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
@@ -53,7 +54,7 @@ _OF_PORT_1 = {"input_gain": ("voltage_gain", "current_gain"), "input_offset_A": 
 _ROOT_3, _UPDATES = 3**0.5, 8
 # What a bench holds its terminal voltages to, one sigma, and the share of it that an analyzer's reading leaves unseen
 _OUTPUT_HELD, _SUPPLY_HELD_V = 5e-4, 0.1
-_MISREAD = 4e-4 * 3e-1 / _ROOT_3  # of the reading
+_MISREAD = FACTOR * GAIN[1]  # of the reading
 _UNSEEN = np.array([[_MISREAD / _OUTPUT_HELD], [_MISREAD * SUPPLY_V / _SUPPLY_HELD_V]])
 # noise of one row, of reading: the input's and the output's (efficiency is judged), current, ac power
 _NOISE = {"P1_W": 1.4e-4, "I_L_rms_A": 2e-4, "P_link1_W": 4e-4, "P_link2_W": 4e-4}
@@ -330,14 +331,17 @@ def _instruments(base: pd.Series, table: pd.DataFrame) -> list[Array]:
     input_W = _of(base, "P1_W")
     loaded = input_W * (P2_W > 0)
     found = [
-        input_W * value * 3e-4 / _ROOT_3,
-        input_W * SUPPLY_V * 2.5e-3 / _ROOT_3,
-        loaded * P2_W * 3e-4 / _ROOT_3,
-        loaded * 140.0 * 5e-3 / _ROOT_3,
+        input_W * value * GAIN[1] / _ROOT_3,
+        input_W * SUPPLY_V * OFFSET_A[1] / _ROOT_3,
+        loaded * P2_W * GAIN[2] / _ROOT_3,
+        loaded * 140.0 * OFFSET_A[2] / _ROOT_3,
     ]
-    for channel in ("P_link1_W", "P_link2_W"):
-        found += [_of(base, channel) * value * 2e-3 / _ROOT_3, _of(base, channel) * 1.0]
-    found.append(_of(base, "I_L_rms_A") * value * 2e-3 / _ROOT_3)
+    for element, channel in ((3, "P_link1_W"), (4, "P_link2_W")):
+        found += [
+            _of(base, channel) * value * GAIN[element] / _ROOT_3,
+            _of(base, channel) * OFFSET_W[element] / _ROOT_3,
+        ]
+    found.append(_of(base, "I_L_rms_A") * value * FACTOR * GAIN[3])
     return found + [_of(base, sensor) * 0.3 for sensor in CHANNELS if sensor.startswith("T_")]
 
 

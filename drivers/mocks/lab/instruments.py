@@ -8,13 +8,17 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# of reading and of range (one sigma of a uniform error of the width in the analyzer's dc and ac accuracy)
-_GAIN = {1: 3e-4 / np.sqrt(3), 2: 3e-4 / np.sqrt(3), 3: 2e-3 / np.sqrt(3), 4: 2e-3 / np.sqrt(3)}
-_OFFSET_A = {1: 2.5e-3 / np.sqrt(3), 2: 5e-3 / np.sqrt(3), 3: 0.0, 4: 0.0}
-_OFFSET_W = {1: 0.0, 2: 0.0, 3: 1.0, 4: 1.0}
+# What the analyzer's maker promises of an element, dc (1, 2) and ac (3, 4): errors are uniform up to there.
+GAIN = {1: 5e-4, 2: 5e-4, 3: 3e-3, 4: 3e-3}  # of reading: of voltage, of current, and of power
+OFFSET_A = {1: 2.5e-3, 2: 5e-3, 3: 0.0, 4: 0.0}  # 0.05 % of ranges of 5 A and 10 A
+OFFSET_W = {1: 0.0, 2: 0.0, 3: 3.0, 4: 3.0}  # 0.2 % of a range of 1500 W
+# of them: one sigma of a voltage's or a current's, where that of the power is uniform
+FACTOR = (5 / 18) ** 0.5
 _NOISE = {1: 1e-4, 2: 1e-4, 3: 4e-4, 4: 4e-4}  # of reading, one update
 _SENSORS = ("heatsink", "inductor", "transformer")
 _TEMPERATURE_OFFSET_K = 0.3
+_ROOT_3 = 3**0.5
+_OUTPUT_SENSE, _SUPPLY_V = 5e-4 * _ROOT_3, 0.1 * _ROOT_3  # of reading, V: the converter's sensor, the supply
 _TAIL = 6.0  # degrees of freedom of the noise: heavier tails than normal
 
 
@@ -40,7 +44,7 @@ class InstrumentErrors:
 
 def perfect_instruments() -> InstrumentErrors:
     """Instruments that read what is there, and the noise of good ones."""
-    none = dict.fromkeys(_GAIN, 0.0)
+    none = dict.fromkeys(GAIN, 0.0)
     return InstrumentErrors(
         voltage_gain=none,
         current_gain=none,
@@ -53,20 +57,26 @@ def perfect_instruments() -> InstrumentErrors:
 
 
 def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
-    """One lab's instruments, all inside their specification."""
+    """One lab's instruments, anywhere inside their specification."""
 
-    def uniform(sigma: float) -> float:
-        return float(rng.uniform(-1, 1) * sigma * np.sqrt(3))
+    def within(most: float) -> float:
+        return float(rng.uniform(-1, 1) * most)
 
-    halves = {e: uniform(s) for e, s in _GAIN.items()}
+    power = {e: within(most) for e, most in GAIN.items()}
+    offset_A = {e: within(most) for e, most in OFFSET_A.items()}
+    offset_W = {e: within(most) for e, most in OFFSET_W.items()}
+    temperature_K = {n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in _SENSORS}
+    output_sense, supply_V = within(_OUTPUT_SENSE), within(_SUPPLY_V)
+    # of one power's gain the voltage has any share that leaves both it and the current inside
+    voltage = {e: 0.5 * g + within(GAIN[e] - 0.5 * abs(g)) for e, g in power.items()}
     return InstrumentErrors(
-        voltage_gain={e: 0.4 * g for e, g in halves.items()},
-        current_gain={e: 0.6 * g for e, g in halves.items()},
-        offset_A={e: uniform(s) for e, s in _OFFSET_A.items()},
-        offset_W={e: uniform(s) for e, s in _OFFSET_W.items()},
-        temperature_K={n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in _SENSORS},
-        output_sense=uniform(5e-4),
-        supply_V=uniform(0.1),
+        voltage_gain=voltage,
+        current_gain={e: g - voltage[e] for e, g in power.items()},
+        offset_A=offset_A,
+        offset_W=offset_W,
+        temperature_K=temperature_K,
+        output_sense=output_sense,
+        supply_V=supply_V,
     )
 
 
