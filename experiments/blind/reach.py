@@ -28,7 +28,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
-from drivers.mocks.lab.hidden import HIDDEN, hide
+from drivers.mocks.lab.hidden import EVERYDAY, HIDDEN, hide
 from drivers.mocks.lab.instruments import FACTOR, GAIN, OFFSET_A, OFFSET_W
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import SUPPLY_V, Schedule, Settled, schedule, settle, survey
@@ -49,7 +49,6 @@ EFFICIENCY_ONLY = ("P1_W",)
 LEAST_SIGMA = 5.0
 POINTS = 100
 _LOADED = ("load", "reference")
-_EVERYDAY = {"duty_offset": 3e-4, "ambient_K_per_h": 0.1, "drift_share": 2e-3, "choke_drop": 0.01}
 _OF_PORT_1 = {"input_gain": ("voltage_gain", "current_gain"), "input_offset_A": ("offset_A",)}
 _ROOT_3, _UPDATES = 3**0.5, 8
 # What a bench holds its terminal voltages to, one sigma, and the share of it that an analyzer's reading leaves unseen
@@ -310,7 +309,7 @@ def _everyday(lab: Laboratory) -> Iterator[tuple[Laboratory, ...]]:
     for spread in everyday_spread(lab.converter):
         sides = (1.0, -1.0) if np.isinf(spread.lower) else (1.0,)  # a resistance may end at none
         yield tuple(replace(lab, converter=spread.shifted(lab.converter, side)) for side in sides)
-    for name, sigma in _EVERYDAY.items():
+    for name, sigma in EVERYDAY.items():
         yield (replace(lab, quirks=replace(lab.quirks, **{name: sigma})),)
 
 
