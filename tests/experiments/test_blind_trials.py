@@ -214,7 +214,7 @@ def test_a_voltage_that_nobody_reads_may_be_off_as_far_as_a_bench_holds_it() -> 
     noise_free = replace(known, sigma=1e-6 * known.sigma, bent=0.0 * known.bent, nuisance=known.nuisance[:0])
     unread, read = (noise_free.sight(off, ("P1_W",), voltages_read=r).detectability for r in (False, True))
     assert unread == pytest.approx(1.0, rel=1e-3)  # by definition; noise is a millionth
-    assert read == pytest.approx(0.1 / (300.0 * 6.93e-5), rel=1e-3)
+    assert read == pytest.approx(0.1 / (300.0 * 2.635e-4), rel=1e-3)  # 5e-4 sqrt(5/18): an analyzer's voltage
 
 
 def test_a_row_that_a_rival_cannot_run_tells_nothing_of_it() -> None:
