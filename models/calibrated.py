@@ -21,16 +21,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.diagnosis.covariance import AT_EDGES, kernel
+from models.diagnosis.observations import RATED_W
 from models.diagnosis.whitener import Whitener
 from models.feasibility import LONGER
+from models.law_doubts import law_covariance, law_doubts
 from models.surrogate import EfficiencyModel, StagedModel
 from sim.model import Model
 from sim.modulation import infeasible_pulse
 from sim.operating_points import Points
-from sim.simulate import can_run, each_can_run, simulate, simulate_many
+from sim.parameters import Converter
+from sim.simulate import Result, can_run, each_can_run, simulate, simulate_many
 
 Array = NDArray[np.float64]
 
+PLAIN = 5  # columns of a place without its laws' doubts
 _SURE = 2.0  # standard deviations of the most that can be carried
 _LIMIT = 2e-3  # Assumption: of it, how well the simulator itself knows it
 _COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
@@ -43,9 +47,10 @@ class Leftover:
     """A correction of the input power in W from residuals at measured points: smooth, and an analyzer's errors.
 
     A Gaussian process with covariance ``smooth_W^2 k(x, x') + rough_W^2 k(3 x, 3 x') + offset_W^2 + gain^2 P P' +
-    drift^2 k(t, t') L L'``; ``place`` (N, 5) holds the measured D1, D2, power P, time t and the loss L that the model
-    has there, ``length`` (4,) how far the first four are smooth over, ``noise_W`` (N,) the readings' noise, and
-    ``weight`` (N,) the fit. What is rough are the laws of edges, which change over a third of the way.
+    drift^2 k(t, t') L L'`` and that of the model's own laws (:mod:`models.law_doubts`), of which ``doubt`` is a share;
+    ``place`` (N, 5 + COLUMNS) holds the measured D1, D2, power P, time t, the loss L that the model has there and its
+    laws' doubts; without them, (N, 5), laws are exact. ``length`` (4,) is how far the first four are smooth over,
+    ``noise_W`` (N,) the readings' noise, and ``weight`` (N,) the fit. What is rough changes over a third of the way.
     """
 
     place: Array
@@ -57,15 +62,26 @@ class Leftover:
     offset_W: float = 0.6
     gain: float = 4e-4
     drift: float = 0.0
+    doubt: float = 1.0
+
+    def of(self, converter: Converter) -> Self:
+        """The same at a converter of another size: its sizes in W are those of the prototype."""
+        size = converter.rated_power_W / RATED_W
+        return replace(
+            self, smooth_W=size * self.smooth_W, rough_W=size * self.rough_W, offset_W=size * self.offset_W
+        )
 
     def covariance(self, a: Array, b: Array) -> Array:
-        """Prior covariance of the correction at (N, 5) and (K, 5), in W^2."""
+        """Prior covariance of the correction at such places (N, ...) and (K, ...), in W^2."""
         a_, b_ = a[:, :4] / self.length, b[:, :4] / self.length
-        smooth = self.smooth_W**2 * kernel(a_[:, :3], b_[:, :3])
-        rough = self.rough_W**2 * kernel(AT_EDGES * a_[:, :3], AT_EDGES * b_[:, :3])
+        alike = kernel(a_[:, :3], b_[:, :3]), kernel(AT_EDGES * a_[:, :3], AT_EDGES * b_[:, :3])
+        smooth, rough = self.smooth_W**2 * alike[0], self.rough_W**2 * alike[1]
         analyzer = self.offset_W**2 + self.gain**2 * a[:, 2:3] * b[:, 2]
-        in_time = self.drift**2 * kernel(a_[:, 3:], b_[:, 3:]) * a[:, 4:] * b[:, 4]
-        return np.asarray(smooth + rough + analyzer + in_time)
+        in_time = self.drift**2 * kernel(a_[:, 3:], b_[:, 3:]) * a[:, 4:5] * b[:, 4]
+        known = smooth + rough + analyzer + in_time
+        if self.place.shape[1] > PLAIN:
+            known = known + law_covariance(a[:, PLAIN:], b[:, PLAIN:], alike, self.doubt)
+        return np.asarray(known)
 
     def fitted(self, residual_W: Array, sigma_W: Array) -> Self:
         """The process given residuals and their noise, (N,)."""
@@ -73,7 +89,7 @@ class Leftover:
         return replace(fitted, weight=fitted._readings().solve(residual_W))
 
     def left_open(self, place: Array) -> Array:
-        """Covariance of the correction at points (K, 5) after the fit, (K, K), in W^2."""
+        """Covariance of the correction at places (K, ...) after the fit, (K, K), in W^2."""
         across = self.covariance(place, self.place)
         return np.asarray(self.covariance(place, place) - across @ self._readings().solve(across.T))
 
@@ -85,7 +101,7 @@ class Leftover:
         return Whitener.of(self.covariance(self.place, self.place) + np.diag(self.noise_W**2))
 
     def watts(self, place: Array) -> Array:
-        """Correction at points (K, 5)."""
+        """Correction at places (K, ...)."""
         return np.asarray(self.covariance(place, self.place) @ self.weight)
 
 
@@ -108,8 +124,9 @@ class CalibratedPhysics:
         """Efficiency as a fraction, of the inputs' broadcast shape; NaN where the model cannot run."""
         a, b, c = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (D1, D2, power_W)))
         place = np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1)
-        P1 = simulate(self.model, self._points(place))["P1_W"]
-        return np.asarray((c.ravel() / (P1 + self.leftover.watts(self._now(place, P1)))).reshape(a.shape))
+        found = simulate(self.model, self._points(place))
+        P1 = found["P1_W"] + self.leftover.watts(self._now(place, found))
+        return np.asarray((c.ravel() / P1).reshape(a.shape))
 
     def left_open(self, place: Array) -> Array:
         """Covariance of the predicted efficiency at points (K, 3) of D1, D2 and power, (K, K).
@@ -117,10 +134,11 @@ class CalibratedPhysics:
         What a variant cannot run says nothing there.
         """
         points = self._points(place)
-        P1, *others = (r["P1_W"] for r in simulate_many([self.model, *self.variants], points))
-        moved = np.nan_to_num(np.stack(others) - P1)
+        found, *others = simulate_many([self.model, *self.variants], points)
+        P1 = found["P1_W"]
+        moved = np.nan_to_num(np.stack([other["P1_W"] for other in others]) - P1)
         per_watt = place[:, 2] / P1**2
-        watts = moved.T @ moved + self.leftover.left_open(self._now(place, P1))
+        watts = moved.T @ moved + self.leftover.left_open(self._now(place, found))
         return np.asarray(per_watt[:, None] * watts * per_watt)
 
     def vouched(self) -> "Vouched":
@@ -145,9 +163,10 @@ class CalibratedPhysics:
         carried = np.count_nonzero(each_can_run(models, self._points(place)), axis=1)
         return np.asarray(np.maximum(carried - 1, 0))
 
-    def _now(self, place: Array, P1_W: Array) -> Array:
-        """Points (K, 3) with the time, and the loss."""
-        return np.column_stack([place, np.full(len(place), self.time_s), P1_W - place[:, 2]])
+    def _now(self, place: Array, found: Result) -> Array:
+        """Points (K, 3) with the time, the loss, and what the laws there may be wrong by."""
+        time_s, loss_W = np.full(len(place), self.time_s), found["P1_W"] - place[:, 2]
+        return np.column_stack([place, time_s, loss_W, law_doubts(found)])
 
     def _points(self, place: Array) -> Points:
         D1, D2, power_W = place.T

@@ -5,7 +5,7 @@
     schema      1
     model       the calibrated simulator as plain data: modulation, converter, effects with their values
     variants    the same, one standard deviation along each axis of what the measurements left open
-    leftover    its readings' places, weights and noise, (N, 5), (N,) and (N,), lengths (4,), sizes
+    leftover    its readings' places, weights and noise, (N, 13), (N,) and (N,), lengths (4,), sizes
     bench       V1_V, V2_V, ambient_C and time_s that it speaks of
 """
 
@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from models.calibrated import CalibratedPhysics, Leftover
+from models.calibrated import PLAIN, CalibratedPhysics, Leftover
+from models.law_doubts import COLUMNS
 from sim.model import Model
 
 SCHEMA = 1
@@ -60,10 +61,16 @@ def read_calibrated(text: str) -> CalibratedPhysics:
 
 
 def _leftover(plain: Mapping[str, Any]) -> Leftover:
-    plain = {"rough_W": 0.0, **plain}  # files from before there was one
+    plain = {"rough_W": 0.0, "doubt": 1.0, **plain}  # files from before there was one
     values = {f.name: np.asarray(plain[f.name], dtype=np.float64) for f in fields(Leftover)}
     rows = values["weight"].size
-    wanted = {"place": (rows, 5), "weight": (rows,), "noise_W": (rows,), "length": (4,)}
+    exact = values["place"].shape == (rows, PLAIN)  # files from before laws were doubted
+    wanted = {
+        "place": (rows, PLAIN if exact else PLAIN + COLUMNS),
+        "weight": (rows,),
+        "noise_W": (rows,),
+        "length": (4,),
+    }
     for name, value in values.items():
         if value.shape != wanted.get(name, ()) or not np.isfinite(value).all():
             raise CalibratedFileError(

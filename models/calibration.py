@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.calibrated import CalibratedPhysics, Leftover
+from models.calibrated import PLAIN, CalibratedPhysics, Leftover
 from models.diagnosis.covariance import length_scale
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
+from models.law_doubts import COLUMNS, law_doubts
 from sim.model import Model
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ _IN_TIME = ("warm_up_drift", "ambient_drift")  # causes that go with time, by a 
 _DRIFT, _TIME_LENGTH = 0.05, 0.2  # how far off that law may be, of the loss; over which share of the campaign
 _INDUCTANCE = 2e-3  # relative: how well the edge is known when all other readings are fitted
 _ASIDE = 1e-3  # relative: from the inductance to those that tell its slope
-_SMOOTH_W = 1.0  # of a reading's bend over them: where it bends more, an edge passes another
+_SMOOTH = 5e-4  # of the rated power: a reading's bend over them; where it bends more, an edge passes another
 _INPUT = 5e-4  # relative: how well the power, in units of the inductance, is known at a reading
 
 
@@ -70,9 +71,14 @@ class _Readings:
         near = self.edge.simulate(models) if self.edge.value.size else [self.edge.value for _ in models]
         return [np.concatenate([a[self.loads], b]) for a, b in zip(seen, near, strict=True)]
 
-    def beside(self, simulated: Array, chosen: NDArray[np.bool_], empty: Leftover) -> Leftover:
+    def doubts(self, model: Model) -> Array:
+        """What the model's laws may be wrong by at each of them, (N, COLUMNS)."""
+        seen = law_doubts(self.refinery.observations.result(model, self.refinery.near))[self.loads]
+        return np.concatenate([seen, law_doubts(self.edge.result(model))]) if self.edge.value.size else seen
+
+    def beside(self, model: Model, simulated: Array, chosen: NDArray[np.bool_], empty: Leftover) -> Leftover:
         """The leftover before the fit at some of them, beside a model that says ``simulated`` (N,)."""
-        place = np.column_stack([self.place, simulated - self.place[:, 2]])[chosen]
+        place = np.column_stack([self.place, simulated - self.place[:, 2], self.doubts(model)])[chosen]
         return replace(empty, place=place, noise_W=self.noise_W[chosen], weight=np.zeros(len(place)))
 
 
@@ -89,12 +95,13 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) ->
     time_s = np.asarray(p.time_s, dtype=np.float64)
     readings = _Readings.of(refinery, sigma, edge)
     empty = Leftover(
-        place=np.empty((0, 5)),
+        place=np.empty((0, PLAIN + COLUMNS)),
         weight=np.empty(0),
         noise_W=np.empty(0),
         length=np.append(length_scale(observations), max(_TIME_LENGTH * float(np.ptp(time_s)), 1.0)),
         drift=_DRIFT if set(_IN_TIME) & set(fit.effects) else 0.0,
-    )
+        doubt=refinery.known.doubt,
+    ).of(refinery.baseline.converter)
     model = refinery.model(fit, refinery.spreads(fit))
     off, leftover = _fitted(model, readings, empty)
     return CalibratedPhysics(
@@ -112,14 +119,15 @@ def _fitted(model: Model, readings: _Readings, empty: Leftover) -> tuple[float, 
     """How far the inductance is off, and the leftover beside the model with that inductance."""
     here, more, less = readings.simulated([model, _moved(model, _ASIDE), _moved(model, -_ASIDE)])
     slope, bend = (more - less) / (2 * _ASIDE), np.abs(more - 2 * here + less)
-    smooth = bend < _SMOOTH_W  # NaN is not
+    smooth = bend < _SMOOTH * model.converter.rated_power_W  # NaN is not
     readings = replace(readings, noise_W=np.hypot(readings.noise_W, _INPUT * slope))
-    solved = readings.beside(here, smooth, empty).solver()
+    solved = readings.beside(model, here, smooth, empty).solver()
     s, r = slope[smooth], (readings.value - here)[smooth]
     off = float(s @ solved(r) / (s @ solved(s) + _INDUCTANCE**-2)) if r.size else 0.0
-    (there,) = readings.simulated([_moved(model, off)])
+    moved = _moved(model, off)
+    (there,) = readings.simulated([moved])
     usable = smooth & np.isfinite(there)
-    prior = readings.beside(there, usable, empty)
+    prior = readings.beside(moved, there, usable, empty)
     return off, prior.fitted((readings.value - there)[usable], prior.noise_W)
 
 

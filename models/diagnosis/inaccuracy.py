@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 # Assumption: how well laws are known, by the last word of a part's name; the others are plain resistances or constants.
 _LAWS = {"conduction": 0.01, "copper": 0.01, "core": 0.03, "switching": 0.05, "recovery": 0.05}
 _AT_EDGES = ("switching", "recovery")
+BRIDGES = ("primary", "secondary")
 _CUT_SHORT, _PART_OF_IT = 0.3, (0.01, 0.99)  # Assumption: of the switching loss of a bridge with such an edge
 
 
@@ -50,8 +51,28 @@ def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
     cut = {edge: (near[f"missing_{edge}"] > low) & (near[f"missing_{edge}"] < high) for edge in EDGES}
     return {
         bridge: np.any([at for edge, at in cut.items() if edge.startswith(bridge)], axis=0)
-        for bridge in ("primary", "secondary")
+        for bridge in BRIDGES
     }
+
+
+def law_errors(near: Result) -> tuple[Array, Array, Array]:
+    """One sigma of the input power in W: by all laws (N,), by those of edges (N,), by swings cut short (bridges, N)."""
+    cut_short, parts = _cut_short(near), _parts(near)
+    lost_W = {part: np.nan_to_num(near[f"loss_{part}_W"]) for part, _, _ in parts}
+    none = np.zeros(np.shape(near["P1_W"]))
+    of_edges = [part for part, _, at_edges in parts if at_edges]
+
+    def together(errors_W: list[Array]) -> Array:
+        return np.asarray(np.linalg.norm([none, *errors_W], axis=0))
+
+    return (
+        together([law * lost_W[part] for part, law, _ in parts]),
+        together([law * lost_W[part] for part, law, at_edges in parts if at_edges]),
+        np.stack([
+            _CUT_SHORT * cut_short[bridge] * together([lost_W[p] for p in of_edges if p.startswith(bridge)])
+            for bridge in BRIDGES
+        ]),
+    )  # fmt: skip
 
 
 def _showing(part: str) -> tuple[str, ...]:

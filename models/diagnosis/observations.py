@@ -36,7 +36,7 @@ class Channel:
 
     def of(self, converter: Converter) -> Self:
         """The channel at a converter of another size."""
-        power = converter.rated_power_W / _RATED_W
+        power = converter.rated_power_W / RATED_W
         size = {"W": power, "A": power * _V1_V / float(np.mean(converter.V1_V))}.get(self.unit, 1.0)
         watt = self.watt if self.unit == "degC" else self.watt * size / power
         return replace(self, floor=self.floor * size, accuracy=self.accuracy * size, watt=watt)
@@ -52,7 +52,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(name="T_transformer_C", column="T_transformer_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
     Channel(name="T_inductor_C", column="T_inductor_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
 )
-_RATED_W, _V1_V = 2000.0, 300.0  # of the prototype
+RATED_W, _V1_V = 2000.0, 300.0  # of the prototype
 _BY_NAME = {channel.name: channel for channel in CHANNELS}
 _IN_STANDBY = {"efficiency"}
 _WITHOUT_LOAD = {
@@ -141,6 +141,12 @@ class Observations:
         at = self.points.take(np.unique(self.row))
         results = simulate_each([(model, at) for model in models], near, starts, self.processes)
         return [(self.predicted(result), result.state) for result in results]
+
+    def result(self, model: Model, near: Result | None = None) -> Result:
+        """A model's whole simulation at every reading's row, (M,); ``near`` as in :meth:`simulate`."""
+        used, row = np.unique(self.row, return_inverse=True)
+        (found,) = simulate_each([(model, self.points.take(used))], near, (), self.processes)
+        return found.take(row)
 
 
 def points_of(frame: pd.DataFrame, converter: Converter) -> Points:

@@ -1,0 +1,50 @@
+"""What the model's own laws may be wrong by: small where little is lost, alike where swings are cut as short."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.calibrated import PLAIN, Leftover
+from models.law_doubts import COLUMNS, law_covariance, law_doubts
+from sim.model import Model
+from sim.prototype import prototype
+from sim.simulate import Points, simulate
+
+PRIMARY_CUT, FIRST_EDGE = 2, 4
+FAR = (np.zeros((2, 2)), np.zeros((2, 2)))  # points that have nothing in common on the map
+
+
+def cut(missing: float) -> np.ndarray:
+    """A point whose primary's first edge misses a share of its swing, good to 0.5 W."""
+    doubts = np.zeros(COLUMNS)
+    doubts[PRIMARY_CUT], doubts[FIRST_EDGE] = 0.5, missing
+    return doubts
+
+
+def test_swings_cut_as_short_are_off_by_as_much_anywhere_on_the_map() -> None:
+    same, other = (np.stack([cut(0.4), cut(share)]) for share in (0.4, 0.9))
+    np.testing.assert_allclose(law_covariance(same, same, FAR), 0.25)
+    assert law_covariance(other, other, FAR)[0, 1] < 0.02  # two and a half lengths apart
+
+
+def test_smooth_laws_are_doubted_by_a_share() -> None:
+    doubts = np.zeros((2, COLUMNS))
+    doubts[:, 0] = 0.2
+    alike = np.ones((2, 2)), np.zeros((2, 2))
+    np.testing.assert_allclose(law_covariance(doubts, doubts, alike, doubt=0.5), 0.01)
+
+
+def test_a_loss_that_grows_is_doubted_more() -> None:
+    found = simulate(Model.baseline(), Points(D1=np.full(2, 0.9), D2=0.1, power_W=np.array([400.0, 1800.0])))
+    light, heavy = law_doubts(found)
+    assert 0.0 < light[0] < heavy[0] < 0.05 * 60.0  # W: five per cent of what is lost there, at most
+
+
+def test_sizes_in_watts_follow_the_rated_power() -> None:
+    empty = Leftover(place=np.empty((0, PLAIN)), weight=np.empty(0), noise_W=np.empty(0), length=np.ones(4))
+    same, twice = (empty.of(replace(prototype(), rated_power_W=rated_W)) for rated_W in (2000.0, 4000.0))
+    assert (same.smooth_W, same.rough_W, same.offset_W) == (empty.smooth_W, empty.rough_W, empty.offset_W)
+    sizes = [twice.smooth_W, twice.rough_W, twice.offset_W]
+    assert sizes == pytest.approx([2 * empty.smooth_W, 2 * empty.rough_W, 2 * empty.offset_W])
+    assert twice.gain == empty.gain
