@@ -25,10 +25,8 @@ from bench.wording import (
 from sim.effects.catalogue import effect
 
 _KURTOSIS, _AUTOCORRELATION = 1.5, 0.3  # above which the noise is said to have tails, or a memory
-_BY_CHANCE = (
-    10.0,
-    4.0,
-)  # what normal noise reaches of either at two sigma, times the root of the differences' number
+# What normal noise reaches of either at two sigma, times the root of the differences' number
+_BY_CHANCE = (10.0, 4.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
