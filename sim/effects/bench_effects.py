@@ -42,6 +42,11 @@ def _read(seen: Quantity, simulated: Array | float) -> Array:
     return np.where(np.isnan(seen), simulated, seen)
 
 
+def _unsure(seen: Quantity, sigma: Array) -> Array:
+    """One sigma of that, (N,): none where it was read."""
+    return np.where(np.isnan(seen), sigma, 0.0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FanStep(Effect):
     """A fan that switches on above a heatsink temperature."""
@@ -55,9 +60,8 @@ class FanStep(Effect):
         self, points: Points, state: Mapping[str, Array], sigma: Mapping[str, Array], values: Values
     ) -> Array:
         """Where the heatsink is about as warm as the threshold."""
-        seen = points.seen_heatsink_C
-        here, off = _read(seen, state["T_heatsink_C"]), np.where(np.isnan(seen), sigma["T_heatsink_C"], 0.0)
-        return self.near("threshold_C", here, off, values)
+        seen, name = points.seen_heatsink_C, "T_heatsink_C"
+        return self.near("threshold_C", _read(seen, state[name]), _unsure(seen, sigma[name]), values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,9 +119,8 @@ class AnalyzerRangeStep(Effect):
         self, points: Points, state: Mapping[str, Array], sigma: Mapping[str, Array], values: Values
     ) -> Array:
         """Where the input current is about the boundary."""
-        seen = points.seen_I1_A
-        here, off = _read(seen, state["I1_A"]), np.where(np.isnan(seen), sigma["I1_A"], 0.0)
-        return self.near("boundary_A", here, off, values)
+        seen, name = points.seen_I1_A, "I1_A"
+        return self.near("boundary_A", _read(seen, state[name]), _unsure(seen, sigma[name]), values)
 
 
 def _one(name: str, unit: str, tolerance: float, prior: float, lower: float, upper: float) -> EffectParameter:
