@@ -189,7 +189,8 @@ def absent_effects(model: Model) -> list[str]:
     absent = []
     for name, entry in CATALOGUE.items():
         try:
-            model.with_effect(name, **{entry.headline.name: entry.headline.upper})
+            head = entry.at(model.converter).headline
+            model.with_effect(name, **{head.name: head.upper})
         except ParameterError:
             absent.append(name)
     return absent

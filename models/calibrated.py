@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.diagnosis.covariance import AT_EDGES, kernel
-from models.diagnosis.observations import RATED_W
 from models.diagnosis.whitener import Whitener
 from models.feasibility import LONGER
 from models.law_doubts import law_covariance, law_doubts
@@ -31,6 +30,7 @@ from sim.modulation import infeasible_pulse
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.simulate import Result, can_run, each_can_run, simulate, simulate_many
+from sim.size import size
 
 Array = NDArray[np.float64]
 
@@ -66,9 +66,9 @@ class Leftover:
 
     def of(self, converter: Converter) -> Self:
         """The same at a converter of another size: its sizes in W are those of the prototype."""
-        size = converter.rated_power_W / RATED_W
+        power = size("power", converter)
         return replace(
-            self, smooth_W=size * self.smooth_W, rough_W=size * self.rough_W, offset_W=size * self.offset_W
+            self, smooth_W=power * self.smooth_W, rough_W=power * self.rough_W, offset_W=power * self.offset_W
         )
 
     def covariance(self, a: Array, b: Array) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.converter_data import converter_from_plain, converter_to_plain
+from sim.effects.base import Effect
 from sim.effects.catalogue import effect
 from sim.operating_points import Points
 from sim.parameters import Converter, ParameterError
@@ -25,9 +26,8 @@ class Model:
     effects: Mapping[str, Values] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, values in self.effects.items():
-            effect(name).check(values)
-
+        for entry, values in self._entries():
+            entry.check(values)
         self.altered_converter()  # an effect that this converter cannot have is refused here
 
     @classmethod
@@ -45,6 +45,10 @@ class Model:
             return cls(converter=replace(prototype(), modulation=modulation), effects=data["effects"])
         return cls(converter=converter_from_plain(described, modulation), effects=data["effects"])
 
+    def _entries(self) -> list[tuple[Effect, Values]]:
+        """The effects as this converter has them, with their values."""
+        return [(effect(name).at(self.converter), values) for name, values in self.effects.items()]
+
     def driven_by(self, modulation: str) -> Self:
         """This model under another modulation; ParameterError where its primary does not have it."""
         return replace(self, converter=replace(self.converter, modulation=modulation))
@@ -56,27 +60,27 @@ class Model:
     def altered_converter(self) -> Converter:
         """The converter as the effects leave it."""
         converter = self.converter
-        for name, values in self.effects.items():
-            converter = effect(name).converter(converter, values)
+        for entry, values in self._entries():
+            converter = entry.converter(converter, values)
         return converter
 
     def set_points(self, points: Points) -> Points:
         """The points as they are really applied."""
-        for name, values in self.effects.items():
-            points = effect(name).set_points(points, values)
+        for entry, values in self._entries():
+            points = entry.set_points(points, values)
         return points
 
     def added_loss_W(self, points: Points, state: Mapping[str, Array]) -> Array:
         """Losses at the input that effects add to what the circuit has, (N,)."""
         total = np.zeros(len(points))
-        for name, values in self.effects.items():
-            total = total + effect(name).added_loss_W(points, state, values)
+        for entry, values in self._entries():
+            total = total + entry.added_loss_W(points, state, values)
         return total
 
     def observe(self, points: Points, truth: dict[str, Array]) -> dict[str, Array]:
         """What the instruments show of the truth."""
-        for name, values in self.effects.items():
-            truth = effect(name).observe(points, truth, values)
+        for entry, values in self._entries():
+            truth = entry.observe(points, truth, values)
         return truth
 
     def as_plain(self) -> dict[str, Any]:

@@ -6,22 +6,29 @@ of these spreads calls every one of them a fault.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Self
 
 from sim.parameters import Converter, Diode, Switch
+from sim.size import size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """One sigma of the parameter at a dotted path: relative to its value, or in its own unit.
 
-    ``lower`` is where it ends: a cable has no negative resistance.
+    ``lower`` is where it ends: a cable has no negative resistance. ``goes_by`` is what of a
+    converter's :func:`sim.size.size` a sigma goes by that is stated for the prototype.
     """
 
     path: str
     sigma: float
     relative: bool = True
     lower: float = float("-inf")
+    goes_by: str = ""
+
+    def at(self, converter: Converter) -> Self:
+        """The spread as a converter of any size has it."""
+        return replace(self, sigma=self.sigma * size(self.goes_by, converter)) if self.goes_by else self
 
     def shifted(self, converter: Converter, sigmas: float) -> Converter:
         """The converter with this parameter off by so many sigmas."""
@@ -65,12 +72,12 @@ _REST = (
     Spread(path="transformer.winding.ac_extra", sigma=0.2),
     Spread(path="transformer.core.k", sigma=0.07),
     Spread(path="transformer.thermal_K_per_W", sigma=0.05),
-    Spread(path="link_resistance_Ohm", sigma=0.002, relative=False, lower=0.0),
+    Spread(path="link_resistance_Ohm", sigma=0.002, relative=False, lower=0.0, goes_by="input_resistance"),
     Spread(path="dead_time_s", sigma=8e-9, relative=False),
     Spread(path="secondary_delay_s", sigma=8e-9, relative=False),
-    Spread(path="auxiliary_power_W", sigma=0.05, relative=False, lower=0.0),
-    Spread(path="input_cable_Ohm", sigma=0.002, relative=False, lower=0.0),
-    Spread(path="output_cable_Ohm", sigma=0.0005, relative=False, lower=0.0),
+    Spread(path="auxiliary_power_W", sigma=0.05, relative=False, lower=0.0, goes_by="power"),
+    Spread(path="input_cable_Ohm", sigma=0.002, relative=False, lower=0.0, goes_by="input_resistance"),
+    Spread(path="output_cable_Ohm", sigma=0.0005, relative=False, lower=0.0, goes_by="output_resistance"),
     Spread(path="heatsink_K_per_W", sigma=0.06),
 )
 
@@ -83,7 +90,7 @@ def everyday_spread(converter: Converter) -> tuple[Spread, ...]:
         for place in fields(getattr(converter, bridge))
         for spread in _of_device(f"{bridge}.{place.name}", getattr(getattr(converter, bridge), place.name))
     ]
-    return (*found, *_REST)
+    return (*found, *(spread.at(converter) for spread in _REST))
 
 
 def _of_device(place: str, device: Switch | Diode) -> Iterator[Spread]:

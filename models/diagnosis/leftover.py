@@ -110,8 +110,11 @@ def trends(place: Array) -> Array:
     return np.asarray(_TREND * (apart[:, moving] / spread[moving]).T)
 
 
-def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
-    """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves."""
+def leftovers(observations: Observations, per_watt: Array, power: float = 1.0) -> Leftovers:
+    """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves.
+
+    ``power`` is that of the converter against the prototype's, for which amplitudes are stated.
+    """
     row, power_W = observations.row, np.asarray(observations.points.power_W)
     used, place = np.unique(row, return_inverse=True)
     where = locations(observations)[used]
@@ -145,7 +148,7 @@ def leftovers(observations: Observations, per_watt: Array) -> Leftovers:
             follows = np.any([observations.of(c) for c in _LIKE_OUTPUT.get(name, ())], axis=0)
             scale = at_output if name == "output" else np.where(follows, per_watt, watt)
             found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), _STRAIGHT_W))
-    return basis.leftovers(found)
+    return basis.leftovers(found, power)
 
 
 def _over_time(observations: Observations, used: NDArray[np.intp]) -> Iterable[tuple[str, Array]]:
@@ -227,10 +230,12 @@ class _Basis:
             self._known[key] = np.arange(size, size + len(self._maps))
         return self._known[key]
 
-    def leftovers(self, found: Iterable[tuple[str, NDArray[np.intp], tuple[float, ...]]]) -> Leftovers:
-        """All configurations: places with their columns, at each amplitude."""
+    def leftovers(
+        self, found: Iterable[tuple[str, NDArray[np.intp], tuple[float, ...]]], power: float
+    ) -> Leftovers:
+        """All configurations: places with their columns, at each amplitude, times the converter's power."""
         configurations = tuple(
-            Leftover(location=name, amplitude_W=amplitude, columns=columns)
+            Leftover(location=name, amplitude_W=power * amplitude, columns=columns)
             for name, columns, amplitudes in found
             for amplitude in amplitudes
         )

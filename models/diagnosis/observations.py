@@ -12,6 +12,7 @@ from sim.model import Model
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.simulate import Result, reference, simulate_each
+from sim.size import size
 
 Array = NDArray[np.float64]
 
@@ -36,10 +37,10 @@ class Channel:
 
     def of(self, converter: Converter) -> Self:
         """The channel at a converter of another size."""
-        power = converter.rated_power_W / RATED_W
-        size = {"W": power, "A": power * _V1_V / float(np.mean(converter.V1_V))}.get(self.unit, 1.0)
-        watt = self.watt if self.unit == "degC" else self.watt * size / power
-        return replace(self, floor=self.floor * size, accuracy=self.accuracy * size, watt=watt)
+        goes_by = {"W": "power", "A": "input_current"}.get(self.unit)
+        own = size(goes_by, converter) if goes_by else 1.0
+        watt = self.watt * own / size("power", converter)
+        return replace(self, floor=self.floor * own, accuracy=self.accuracy * own, watt=watt)
 
 
 CHANNELS: tuple[Channel, ...] = (
@@ -52,7 +53,6 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(name="T_transformer_C", column="T_transformer_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
     Channel(name="T_inductor_C", column="T_inductor_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
 )
-RATED_W, _V1_V = 2000.0, 300.0  # of the prototype
 _BY_NAME = {channel.name: channel for channel in CHANNELS}
 _IN_STANDBY = {"efficiency"}
 _WITHOUT_LOAD = {

@@ -16,6 +16,7 @@ from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
+from sim.size import size
 
 Array = NDArray[np.float64]
 
@@ -56,7 +57,8 @@ def set_up(
     observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
 ) -> Setting:
     """The setting with the noise of replicates, corrected by what the best tangent leaves."""
-    rivals, noiseless = leftovers(observations, known.per_watt), noiseless_covariance(observations, known)
+    rivals = leftovers(observations, known.per_watt, size("power", baseline.converter))
+    noiseless = noiseless_covariance(observations, known)
     bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
     first = sigma_of(observations, noise)
     best = bench.settled(first)

@@ -46,18 +46,19 @@ _STEP = (
 class Signature:
     """Change of every reading (M,) per unit of an effect's headline value, at fixed other values.
 
-    ``everyday`` is one sigma of the headline value that the everyday spreads of the effect's own parts look like.
+    ``entry`` is the effect as the converter at hand has it; ``everyday`` is one sigma of the headline value that the
+    everyday spreads of the effect's own parts look like.
     """
 
-    effect: str
+    entry: Effect
     other: dict[str, float] = field(default_factory=dict)
     slope: Array
     everyday: float = 0.0
 
     @property
-    def entry(self) -> Effect:
-        """The catalogue's entry."""
-        return CATALOGUE[self.effect]
+    def effect(self) -> str:
+        """The effect's name."""
+        return self.entry.name
 
     def values(self, headline: float) -> dict[str, float]:
         """The effect's values with this headline."""
@@ -160,10 +161,10 @@ def signatures(
     by default. ``near`` is a simulation of the rows with readings to start from. Rows that are ``repeated`` are not
     simulated again where that is known.
     """
-    spreads = everyday_spread(baseline.converter)
+    spreads = _spreads(baseline)
     entries = [
         (name, entry, other)
-        for name, entry in CATALOGUE.items()
+        for name, entry in ((name, entry.at(baseline.converter)) for name, entry in CATALOGUE.items())
         if applies(entry, baseline.converter)
         and (among is None or name in among or _is_everyday(entry, spreads))
         for other in entry.variants()
@@ -193,8 +194,8 @@ def signatures(
     usual = [e.headline.tolerance / step_of(e) * _is_everyday(e, spreads) for _, e, _ in entries]
     usual += [1.0 for _ in spreads]
     found = [
-        Signature(effect=name, other=other, slope=(after - base) / step_of(entry))
-        for (name, entry, other), after in zip(entries, of_effects, strict=True)
+        Signature(entry=entry, other=other, slope=(after - base) / step_of(entry))
+        for (_, entry, other), after in zip(entries, of_effects, strict=True)
     ]
     bent = 0.5 * np.abs(np.sum(of_spreads[limit] + of_limit - 2 * base, axis=0))
     (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, of_inputs - base)
@@ -231,6 +232,13 @@ def _lines(results: Sequence[Result], entries: Sequence[_Entry], spreads: int) -
         for (name, entry, other), there in zip(entries, moved[: len(entries)], strict=True)
     }
     return Lines.of(base, np.stack(moved[len(entries) :]) - base, effects)
+
+
+def _spreads(baseline: Model) -> tuple[Spread, ...]:
+    """The everyday spreads of the baseline's parts; one that an effect of it replaced has none."""
+    entries = map(CATALOGUE.__getitem__, baseline.effects)
+    replaced = {path for e in entries if isinstance(e, ParameterEffect) for path in e.replaces}
+    return tuple(spread for spread in everyday_spread(baseline.converter) if spread.path not in replaced)
 
 
 def applies(entry: Effect, converter: Converter) -> bool:

@@ -5,7 +5,8 @@ Its OFF value leaves results bit-identical.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scipy.special import ndtr
 
 from sim.operating_points import Points
 from sim.parameters import Converter, ParameterError
+from sim.size import size
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -26,6 +28,8 @@ class EffectParameter:
     (one sigma) of the values that deserve the effect's name; ``lower`` and ``upper`` bound both. ``scan``
     lists values to try of a parameter in which the effect is not smooth (a threshold), ``starts`` those
     from which a search should set out where the effect is far from a line. What is ``reciprocal`` acts by one over it.
+    All of them are stated for the prototype; ``goes_by`` is what of a converter's :func:`sim.size.size` they go by,
+    where they do.
     """
 
     name: str
@@ -38,6 +42,23 @@ class EffectParameter:
     scan: tuple[float, ...] = ()
     starts: tuple[float, ...] = ()
     reciprocal: bool = False
+    goes_by: str = ""
+
+    def at(self, converter: Converter) -> Self:
+        """The parameter as a converter of any size has it."""
+        factor = size(self.goes_by, converter) if self.goes_by else 1.0
+        if factor == 1.0:
+            return self
+        return replace(
+            self,
+            lower=factor * self.lower,
+            upper=factor * self.upper,
+            tolerance=factor * self.tolerance,
+            prior=factor * self.prior,
+            off=factor * self.off,
+            scan=tuple(factor * value for value in self.scan),
+            starts=tuple(factor * value for value in self.starts),
+        )
 
     def acting(self, value: float) -> tuple[float, float]:
         """Distance of a value from off as it acts, in the unit at off, and its slope over the value.
@@ -78,6 +99,11 @@ class Effect:
     def headline(self) -> EffectParameter:
         """The parameter that a single value means."""
         return self.parameters[0]
+
+    def at(self, converter: Converter) -> Self:
+        """The effect as a converter of any size has it; the very same object where nothing goes by size."""
+        parameters = tuple(p.at(converter) for p in self.parameters)
+        return self if parameters == self.parameters else replace(self, parameters=parameters)
 
     def variants(self) -> list[dict[str, float]]:
         """The settings of the parameters beside the headline that a search must try, one dict each."""

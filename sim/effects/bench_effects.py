@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.effects.base import Effect, EffectParameter, Values
 from sim.operating_points import Points, efficiency
-from sim.parameters import Quantity
+from sim.parameters import Converter, Quantity
+from sim.size import current_range_A
 
 Array = NDArray[np.float64]
 
@@ -103,9 +106,26 @@ class AnalyzerOffset(Effect):
         return truth if offset == 0.0 else _show_input(points, truth, truth["P1_W"] + offset * points.V1_V)
 
 
+_RANGE_A = 5.0  # of the input's current at the prototype
+
+
+@cache
+def _ranges_about(range_A: float) -> tuple[float, ...]:
+    """The analyzer's ranges that a converter's current may cross, from two below the one in use to one above."""
+    return tuple(current_range_A(range_A, further) for further in (-2, -1, 0, 1))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnalyzerRangeStep(Effect):
     """Port 1 reads in another proportion on its lower current range."""
+
+    def at(self, converter: Converter) -> Self:
+        """With the ranges about the one in use: they are 1, 2, 5 ... A, whatever the converter."""
+        sized = Effect.at(self, converter)
+        if sized is self:
+            return self
+        step, boundary = sized.parameters
+        return replace(sized, parameters=(step, replace(boundary, scan=_ranges_about(boundary.off))))
 
     def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
         """Input power scaled where the current is below the boundary between the ranges."""
@@ -127,12 +147,17 @@ def _one(name: str, unit: str, tolerance: float, prior: float, lower: float, upp
     return EffectParameter(name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper)
 
 
+def _going_by(factor: str, parameter: EffectParameter) -> EffectParameter:
+    """The parameter as one that goes by a converter's size."""
+    return replace(parameter, goes_by=factor)
+
+
 BENCH_EFFECTS: tuple[Effect, ...] = (
     FanStep(
         name="fan_step",
         stage="supply, wiring",
         parameters=(
-            _one("power_W", "W", 0.4, 3.0, 0.0, 30.0),
+            _going_by("power", _one("power_W", "W", 0.4, 3.0, 0.0, 30.0)),
             EffectParameter(
                 name="threshold_C",
                 scan=(30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0),
@@ -178,7 +203,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         name="analyzer_offset",
         stage="measurement, command",
         # 0.05 % of a range of 5 A, uniform: a sigma of that over root three
-        parameters=(_one("current_A", "A", 1.5e-3, 0.02, -0.2, 0.2),),
+        parameters=(_going_by("input_range", _one("current_A", "A", 1.5e-3, 0.02, -0.2, 0.2)),),
         law=0.01,
         says="the analyzer's input current has a zero offset",
         check_on_bench="zero the analyzer with the input open; read standby with the leads off",
@@ -190,13 +215,14 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
             _one("relative_step", "1", 3e-4, 4e-3, -0.05, 0.05),
             EffectParameter(
                 name="boundary_A",
-                scan=(1.0, 2.0, 5.0, 10.0),
+                scan=_ranges_about(_RANGE_A),
                 unit="A",
                 tolerance=0.02,
                 prior=1.0,
                 lower=0.1,
                 upper=20.0,
-                off=5.0,
+                off=_RANGE_A,
+                goes_by="input_range",
             ),
         ),
         law=0.01,

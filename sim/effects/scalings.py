@@ -34,9 +34,14 @@ class ParameterEffect(Effect):
     paths: tuple[str, ...]
     change: Callable[[Any, float], Any]
 
+    @property
+    def replaces(self) -> tuple[str, ...]:
+        """The paths of which nothing is left where the effect is there."""
+        return self.paths if self.change is _replaced else ()
+
     def spread_at(self, value: float, everyday: float) -> float:
         """A scaled part's spread is scaled too; a part that was replaced has its value and no spread."""
-        if self.change is _replaced:
+        if self.replaces:
             return 0.0
         return everyday * (1.0 + value if self.change is _scaled else 1.0)
 
@@ -67,13 +72,11 @@ def _replace_at(owner: Any, path: list[str], change: Callable[[Any, float], Any]
 
 
 def _parameter(
-    name: str, unit: str, tolerance: float, prior: float, bounds: tuple[float, float], off: float = 0.0
+    name: str, unit: str, tolerance: float, prior: float, bounds: tuple[float, float]
 ) -> tuple[EffectParameter]:
     lower, upper = bounds
     return (
-        EffectParameter(
-            name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper, off=off
-        ),
+        EffectParameter(name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper),
     )
 
 
@@ -83,11 +86,14 @@ def _relative(
     return _parameter("relative_error", "1", tolerance, prior, bounds)
 
 
-def _started(
-    parameters: tuple[EffectParameter], values: tuple[float, ...], *, reciprocal: bool = False
-) -> tuple[EffectParameter]:
+def _going_by(factor: str, parameters: tuple[EffectParameter]) -> tuple[EffectParameter]:
+    """The parameter as one that goes by a converter's size."""
+    return (replace(parameters[0], goes_by=factor),)
+
+
+def _started(parameters: tuple[EffectParameter], values: tuple[float, ...]) -> tuple[EffectParameter]:
     """The parameter with values from which a search should start, since its effect is far from a line."""
-    return (replace(parameters[0], starts=values, reciprocal=reciprocal),)
+    return (replace(parameters[0], starts=values),)
 
 
 _SIC = ("primary.outer", "primary.switch", "secondary.switch")
@@ -97,7 +103,9 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="link_resistance",
         stage="circuit",
-        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (0.0, 0.5)),
+        parameters=_going_by(
+            "input_resistance", _parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (0.0, 0.5))
+        ),
         paths=("link_resistance_Ohm",),
         change=_added,
         says="the ac link has more series resistance than modelled: winding, circuit board or connectors",
@@ -145,10 +153,19 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="magnetizing_inductance",
         stage="circuit",
-        parameters=_started(
-            _parameter("inductance_H", "H", 0.1 * _Lm, 6e-3, (1e-3, 60e-3), off=_Lm),
-            (0.2 * _Lm, 0.3 * _Lm, 0.5 * _Lm),
-            reciprocal=True,  # its current is
+        parameters=(
+            EffectParameter(
+                name="inductance_H",
+                unit="H",
+                tolerance=0.1 * _Lm,
+                prior=6e-3,
+                lower=1e-3,
+                upper=60e-3,
+                off=_Lm,
+                starts=(0.2 * _Lm, 0.3 * _Lm, 0.5 * _Lm),
+                reciprocal=True,  # its current is
+                goes_by="magnetizing",
+            ),
         ),
         paths=("transformer.magnetizing_H",),
         change=_replaced,
@@ -288,7 +305,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="auxiliary_power",
         stage="supply, wiring",
-        parameters=_parameter("power_W", "W", 0.1, 3.0, (0.0, 50.0)),
+        parameters=_going_by("power", _parameter("power_W", "W", 0.1, 3.0, (0.0, 50.0))),
         paths=("auxiliary_power_W",),
         change=_added,
         law=0.01,
@@ -298,7 +315,9 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="cable_resistance_input",
         stage="supply, wiring",
-        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (0.0, 1.0)),
+        parameters=_going_by(
+            "input_resistance", _parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (0.0, 1.0))
+        ),
         paths=("input_cable_Ohm",),
         change=_added,
         says="resistance between the analyzer's input terminals and the dc link: cable, fuse, contactor",
@@ -307,7 +326,9 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="cable_resistance_output",
         stage="supply, wiring",
-        parameters=_parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (0.0, 0.3)),
+        parameters=_going_by(
+            "output_resistance", _parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (0.0, 0.3))
+        ),
         paths=("output_cable_Ohm",),
         change=_added,
         says=(

@@ -15,6 +15,7 @@ from models.diagnosis.observations import Observations, observe
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature, Signatures
 from models.diagnosis.whitener import Whitener
+from sim.effects.catalogue import effect
 from sim.model import Model
 from sim.prototype import prototype
 
@@ -38,7 +39,7 @@ def fit_of(effect: str | None, shift: Array, *, slope: Array | None = None, valu
 def joint_fit(slopes: Mapping[str, Array], shift: Array, *, value: float = 1.0) -> Fit:
     """A fit of several effects with these slopes, all at one value."""
     terms = tuple(
-        Term(signature=Signature(effect=name, slope=slope), value=value, sigma=0.1, slope=slope)
+        Term(signature=Signature(entry=effect(name), slope=slope), value=value, sigma=0.1, slope=slope)
         for name, slope in slopes.items()
     )
     return Fit(terms=terms, shift=shift)

@@ -10,15 +10,18 @@ from models.diagnosis.evidence import _crossed, _other_variants, log_prior, post
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
+from sim.effects.catalogue import effect
 from tests.models.diagnosis.fabricated import covariance_of, fit_of, joint_fit, refinery
 
 READINGS = 24
 SIGMA = np.linspace(0.2, 0.4, READINGS)
 GROWING = np.linspace(5.0, 60.0, READINGS)  # W per Ohm
-LINK = Signature(effect="link_resistance", slope=GROWING)
+LINK = Signature(entry=effect("link_resistance"), slope=GROWING)
 FLAT = np.ones(READINGS)
-AUXILIARY = Signature(effect="auxiliary_power", slope=FLAT)
-SLANTED = Signature(effect="analyzer_gain", slope=300.0 * np.cos(0.7 * np.arange(READINGS)))  # W per unit
+AUXILIARY = Signature(entry=effect("auxiliary_power"), slope=FLAT)
+SLANTED = Signature(
+    entry=effect("analyzer_gain"), slope=300.0 * np.cos(0.7 * np.arange(READINGS))
+)  # W per unit
 
 
 def noise(seed: int) -> np.ndarray:
@@ -156,7 +159,7 @@ def test_every_threshold_of_what_is_chosen_is_followed_and_no_second_line() -> N
 
 def test_a_threshold_whose_rows_were_moved_by_heat_is_tried_elsewhere() -> None:
     fans = [
-        Signature(effect="fan_step", other={"threshold_C": at}, slope=FLAT * (at < GROWING))
+        Signature(entry=effect("fan_step"), other={"threshold_C": at}, slope=FLAT * (at < GROWING))
         for at in (30, 35, 40)
     ]
     fit = joint_fit({"thermal_resistance": GROWING, "fan_step": FLAT}, GROWING)

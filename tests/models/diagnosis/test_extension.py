@@ -9,6 +9,7 @@ from models.diagnosis.extension import extended, interval
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
+from sim.effects.catalogue import effect
 from sim.model import Model
 from tests.models.diagnosis.fabricated import joint_fit, loads, refinery
 
@@ -18,11 +19,11 @@ VALUE_W = 5.0
 ONE = np.ones(COUNT)
 
 
-def that_leaves(left_W: float, effect: str = "auxiliary_power") -> tuple[Refinery, Fit]:
+def that_leaves(left_W: float, name: str = "auxiliary_power") -> tuple[Refinery, Fit]:
     """A refinery, and a fit of 5 W of auxiliary power that leaves so much of every reading."""
     observations = loads(np.linspace(500.0, 1500.0, COUNT))
-    bench = refinery(observations.value, [Signature(effect=effect, slope=ONE)], SIGMA)
-    fit = joint_fit({effect: ONE}, observations.value - left_W, value=VALUE_W)
+    bench = refinery(observations.value, [Signature(entry=effect(name), slope=ONE)], SIGMA)
+    fit = joint_fit({name: ONE}, observations.value - left_W, value=VALUE_W)
     return replace(bench, observations=observations), fit
 
 

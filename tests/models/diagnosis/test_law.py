@@ -15,16 +15,17 @@ from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
 from models.diagnosis.thresholds import State
 from models.diagnosis.whitener import Whitener
+from sim.effects.catalogue import effect
 from tests.models.diagnosis.fabricated import loads, refinery
 
 READINGS = 60
 SIGMA = np.full(READINGS, 0.1)
 POWER_W = np.random.default_rng(1).uniform(200.0, 1800.0, READINGS)
 GROWING = 100.0 * (POWER_W / 1800.0) ** 2  # W per Ohm
-LINK = Signature(effect="link_resistance", slope=GROWING)
+LINK = Signature(entry=effect("link_resistance"), slope=GROWING)
 LAW = LINK.entry.law
-AUXILIARY = Signature(effect="auxiliary_power", slope=np.ones(READINGS))
-GAIN = Signature(effect="analyzer_gain", slope=POWER_W)
+AUXILIARY = Signature(entry=effect("auxiliary_power"), slope=np.ones(READINGS))
+GAIN = Signature(entry=effect("analyzer_gain"), slope=POWER_W)
 BENT = 0.05 * np.cos(np.pi * POWER_W / 1800.0)  # of the cause's shift, over all loads
 WRONG = 0.1 * GROWING * (1 + BENT) + SIGMA * np.random.default_rng(2).standard_normal(READINGS)
 MAPS = np.stack([np.cos(k * np.pi * POWER_W / 1800.0) for k in (1, 2, 3)])
@@ -102,8 +103,8 @@ def test_a_reading_near_a_threshold_is_free_to_lie_on_either_side() -> None:
     heatsink_C, exact = np.linspace(35.0, 44.0, 10), np.zeros(10)
     state = State(value={"T_heatsink_C": heatsink_C}, sigma={"T_heatsink_C": exact})
     slope = (heatsink_C > 40.0).astype(float)
-    low = Signature(effect="fan_step", other={"threshold_C": 30.0}, slope=np.ones(10))
-    step = Signature(effect="fan_step", other={"threshold_C": 40.0}, slope=slope)
+    low = Signature(entry=effect("fan_step"), other={"threshold_C": 30.0}, slope=np.ones(10))
+    step = Signature(entry=effect("fan_step"), other={"threshold_C": 40.0}, slope=slope)
     ((_, of_low), (_, of_step)) = law_columns([low, step], observations, state)
     free = np.flatnonzero(
         np.any(of_step == 1.0, axis=0)
@@ -118,7 +119,7 @@ def test_where_nobody_read_the_temperature_more_readings_are_free_and_each_by_it
     state = State(
         value={"T_heatsink_C": np.linspace(35.0, 44.0, 10)}, sigma={"T_heatsink_C": np.full(10, 1.0)}
     )
-    step = Signature(effect="fan_step", other={"threshold_C": 40.0}, slope=np.ones(10))
+    step = Signature(entry=effect("fan_step"), other={"threshold_C": 40.0}, slope=np.ones(10))
     ((_, columns),) = law_columns([step], observations, state)
     free = np.max(columns[np.sum(columns != 0.0, axis=1) == 1], axis=0)
     np.testing.assert_array_equal(free[4:7], 1.0)  # within 1.5 K, as ever
@@ -129,7 +130,10 @@ def test_where_nobody_read_the_temperature_more_readings_are_free_and_each_by_it
 
 
 def test_an_error_of_the_skin_effects_law_may_look_like_plain_resistance() -> None:
-    skin, observations = Signature(effect="skin_effect", slope=GROWING * np.cos(POWER_W) ** 2), loads(POWER_W)
+    skin, observations = (
+        Signature(entry=effect("skin_effect"), slope=GROWING * np.cos(POWER_W) ** 2),
+        loads(POWER_W),
+    )
     ((_, alone),) = law_columns([skin], observations, State())
     (_, (*others, like)), _ = law_columns([skin, LINK], observations, State())
     np.testing.assert_array_equal(others, alone)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery, _taught
 from models.diagnosis.signatures import Signature
+from sim.effects.catalogue import effect
 from sim.model import Model
 from sim.spread import Spread
 from tests.models.diagnosis.fabricated import LinearBench, joint_fit, refinery
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 READINGS = 24
 SIGMA = np.full(READINGS, 0.3)
 GROWING = np.linspace(5.0, 60.0, READINGS)  # W per Ohm
-LINK = Signature(effect="link_resistance", slope=GROWING)
+LINK = Signature(entry=effect("link_resistance"), slope=GROWING)
 WAVE = 2.0 * np.sin(np.arange(READINGS))  # W, one sigma of the cable on its line
 KINK = WAVE + 3.0 * np.cos(2.5 * np.arange(READINGS))  # W, what every sigma beyond one adds
 CABLE = Spread(path="input_cable_Ohm", sigma=0.002, relative=False)

@@ -9,6 +9,7 @@ from models.diagnosis.leftover import smooth_maps
 from models.diagnosis.noise import corrected, estimate_noise
 from models.diagnosis.sight import SEEN, sight
 from models.diagnosis.signatures import Signature
+from sim.effects.catalogue import effect
 from tests.models.diagnosis.fabricated import loads, refinery
 
 READINGS = 30
@@ -17,7 +18,9 @@ FLAT, GROWING = np.ones(READINGS), np.linspace(5.0, 60.0, READINGS)
 
 
 def test_the_smallest_visible_value_is_five_sigmas_of_its_signature() -> None:
-    (seen,) = sight(refinery(np.zeros(READINGS), [Signature(effect="link_resistance", slope=GROWING)], SIGMA))
+    (seen,) = sight(
+        refinery(np.zeros(READINGS), [Signature(entry=effect("link_resistance"), slope=GROWING)], SIGMA)
+    )
     assert seen.smallest == pytest.approx(SEEN * 0.5 / np.linalg.norm(GROWING), rel=1e-9)  # closed form
     assert seen.visible
     assert seen.tied_with == ()
@@ -25,9 +28,9 @@ def test_the_smallest_visible_value_is_five_sigmas_of_its_signature() -> None:
 
 def test_effects_that_look_alike_are_tied_and_faint_ones_invisible() -> None:
     effects = [
-        Signature(effect="auxiliary_power", slope=FLAT),
-        Signature(effect="analyzer_offset", slope=300.0 * FLAT),
-        Signature(effect="link_resistance", slope=1e-3 * GROWING),
+        Signature(entry=effect("auxiliary_power"), slope=FLAT),
+        Signature(entry=effect("analyzer_offset"), slope=300.0 * FLAT),
+        Signature(entry=effect("link_resistance"), slope=1e-3 * GROWING),
     ]
     found = {s.effect: s for s in sight(refinery(np.zeros(READINGS), effects, SIGMA))}
     assert found["auxiliary_power"].tied_with == ("analyzer_offset",)
@@ -36,8 +39,8 @@ def test_effects_that_look_alike_are_tied_and_faint_ones_invisible() -> None:
 
 def test_the_everyday_spread_of_an_effect_does_not_tie_it_to_others() -> None:
     effects = [
-        Signature(effect="link_resistance", slope=GROWING),
-        Signature(effect="analyzer_offset", slope=300.0 * np.cos(np.arange(READINGS))),
+        Signature(entry=effect("link_resistance"), slope=GROWING),
+        Signature(entry=effect("analyzer_offset"), slope=300.0 * np.cos(np.arange(READINGS))),
     ]
     plain = refinery(
         np.zeros(READINGS), effects, SIGMA, spreads=GROWING[None]

@@ -9,7 +9,7 @@ import pytest
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
-from sim.parameters import ParameterError, leaves
+from sim.parameters import Converter, ParameterError, leaves
 from sim.simulate import Points, Result, simulate, simulate_many
 
 STAGES = {
@@ -116,6 +116,38 @@ def test_off_returns_the_very_objects_it_was_given(entry: Effect) -> None:
     assert entry.converter(converter, values) is converter
     assert entry.set_points(given, values) is given
     assert entry.observe(given, state, values) is state
+
+
+def large() -> Converter:
+    """A converter that is no multiple of the prototype in any quantity."""
+    one = Model.baseline().converter
+    transformer = replace(one.transformer, magnetizing_H=3.1e-3)
+    return replace(one, V1_V=640.0, V2_V=410.0, rated_power_W=21e3, transformer=transformer)
+
+
+@EVERY
+def test_the_prototype_has_it_as_it_is_listed(entry: Effect) -> None:
+    assert entry.at(Model.baseline().converter) is entry
+
+
+@EVERY
+def test_off_is_off_at_a_converter_of_another_size(entry: Effect) -> None:
+    converter = large()
+    own = entry.at(converter)
+    assert own.converter(converter, own.off_values()) is converter
+    assert own.headline.lower <= own.headline.off <= own.headline.upper
+
+
+@EVERY
+def test_what_is_in_watts_amperes_ohms_or_henries_goes_by_the_converters_size(entry: Effect) -> None:
+    sizes = {p.unit: p.at(large()).prior / p.prior for p in entry.parameters}
+    for unit, factor in sizes.items():
+        assert (factor != 1.0) == (unit in ("W", "A", "Ohm", "H")), unit
+
+
+def test_an_analyzers_ranges_are_those_about_the_current_of_the_converter() -> None:
+    own = effect("analyzer_range_step").at(large())  # 33 A: on its range of 50 A
+    assert own.parameters[1].scan == (10.0, 20.0, 50.0, 100.0)
 
 
 @EVERY
