@@ -35,7 +35,7 @@ from models.surrogate import (
     train_simulator_first,
 )
 from sim.model import Model
-from sim.operating_points import grid_of, nominal_points
+from sim.operating_points import Points, grid_of
 from sim.simulate import can_run, simulate
 
 KINDS = (SIMULATION_ONLY, EXPERIMENT_ONLY, D2EA, SIMULATOR_FIRST, CALIBRATED)
@@ -65,9 +65,7 @@ class Trained:
 
 def efficiency_of(model: Model) -> Callable[[Floats, Floats, Floats], Floats]:
     """The simulator as a function for ``models``: efficiency (N,), NaN where infeasible."""
-    return lambda D1, D2, power_W: simulate(model, nominal_points(model.converter, D1, D2, power_W))[
-        "efficiency"
-    ]
+    return lambda D1, D2, power_W: simulate(model, Points(D1=D1, D2=D2, power_W=power_W))["efficiency"]
 
 
 def feasible_of(model: Model) -> Callable[[Floats, Floats, Floats], Bools]:
@@ -76,7 +74,7 @@ def feasible_of(model: Model) -> Callable[[Floats, Floats, Floats], Bools]:
 
 
 def _carries(model: Model, D1: Floats, D2: Floats, power_W: Floats) -> Bools:
-    return can_run(model, nominal_points(model.converter, D1, D2, power_W))
+    return can_run(model, Points(D1=D1, D2=D2, power_W=power_W))
 
 
 def simulated_table(model: Model, shape: tuple[int, int, int] = (25, 25, 20)) -> pd.DataFrame:

@@ -82,8 +82,7 @@ class Bench:
     def at(self, points: Array) -> Points:
         """Set points (N, 3) at the converter's own voltages."""
         D1, D2, power_W = points.T
-        c = self.model.converter
-        return Points(D1=D1, D2=D2, power_W=power_W, V1_V=c.V1_V, V2_V=c.V2_V)
+        return Points(D1=D1, D2=D2, power_W=power_W)
 
     def simulated(self, D1: Floats, D2: Floats, power_W: Floats) -> Floats:
         """The baseline's efficiency."""

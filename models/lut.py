@@ -30,7 +30,7 @@ from models.optimise import OptimumTable
 from models.surrogate import EfficiencyModel
 from sim.model import Model
 from sim.modulation import EDGES
-from sim.operating_points import nominal_points
+from sim.operating_points import Points
 from sim.simulate import simulate
 
 WINDOW = 4  # loads on either side whose optima are candidates
@@ -160,7 +160,7 @@ class Surroundings:
     def _ask(self, D1: Floats, D2: Floats, power_W: Floats) -> tuple[Floats, Bools]:
         asked = np.stack([D1, D2, power_W], axis=1)
         (D1, D2, power_W), again = _each_once(asked)
-        run = simulate(self.simulator, nominal_points(self.simulator.converter, D1, D2, power_W))
+        run = simulate(self.simulator, Points(D1=D1, D2=D2, power_W=power_W))
         predicted = np.asarray(self.model.predict(D1, D2, power_W), dtype=np.float64)
         soft = np.stack([run[f"zvs_{edge}"] for edge in EDGES], axis=1) > 0.5
         return np.where(run.feasible & (predicted < 1.0), predicted, np.nan)[again], soft[again]

@@ -66,6 +66,7 @@ class Model:
 
     def set_points(self, points: Points) -> Points:
         """The points as they are really applied."""
+        points = points.with_voltages_of(self.converter)
         for entry, values in self._entries():
             points = entry.set_points(points, values)
         return points

@@ -13,23 +13,25 @@ Array = NDArray[np.float64]
 
 
 SEEN = ("seen_heatsink_C", "seen_I1_A")
+VOLTAGES = ("V1_V", "V2_V")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Points:
     """N operating points; every field is an array (N,) or a float for all.
 
-    ``power_W`` is demanded at the output terminals, negative where they feed back; ``pwm`` false is standby
-    (supply on, bridges off). ``time_s`` counts from the campaign's start; ``range_I1_A`` is the
-    analyzer's input current range (0 where not known). ``seen_heatsink_C`` and ``seen_I1_A`` are what a bench read at
-    the point, NaN where it did not: what has a threshold goes by them.
+    ``power_W`` is demanded at the output terminals, negative where they feed back. Voltages that are not given (NaN)
+    are the nominal ones of the converter that runs there. ``pwm`` false is standby (supply on, bridges off).
+    ``time_s`` counts from the campaign's start; ``range_I1_A`` is the analyzer's input current range (0 where not
+    known). ``seen_heatsink_C`` and ``seen_I1_A`` are what a bench read at the point, NaN where it did not: what has
+    a threshold goes by them.
     """
 
     D1: Quantity
     D2: Quantity
     power_W: Quantity
-    V1_V: Quantity = 300.0
-    V2_V: Quantity = 140.0
+    V1_V: Quantity = np.nan
+    V2_V: Quantity = np.nan
     ambient_C: Quantity = 25.0
     time_s: Quantity = 0.0
     range_I1_A: Quantity = 0.0
@@ -44,8 +46,8 @@ class Points:
             object.__setattr__(self, field.name, np.array(array, dtype=kind))
         for field in fields(self):
             values = getattr(self, field.name)
-            least = 0.0 if field.name in ("V1_V", "V2_V") else -np.inf
-            unread = np.isnan(values) if field.name in SEEN else False
+            least = 0.0 if field.name in VOLTAGES else -np.inf
+            unread = np.isnan(values) if field.name in (*SEEN, *VOLTAGES) else False
             wrong = np.flatnonzero(~(unread | (np.isfinite(values) & (values > least))))
             if wrong.size:
                 allowed = "above 0 V" if least == 0.0 else "finite numbers"
@@ -64,6 +66,24 @@ class Points:
         """The same points before anything was read there."""
         return replace(self, **dict.fromkeys(SEEN, np.nan))
 
+    def with_voltages_of(self, converter: Converter) -> Self:
+        """The same points with every voltage: the converter's nominal ones where none was given.
+
+        >>> from sim.prototype import prototype
+        >>> Points(D1=0.9, D2=0.1, power_W=600.0, V1_V=310.0).with_voltages_of(prototype()).V2_V.tolist()
+        [140.0]
+        """
+        open_ = {name: np.isnan(getattr(self, name)) for name in VOLTAGES}
+        if not any(np.any(missing) for missing in open_.values()):
+            return self
+        return replace(
+            self,
+            **{
+                name: np.where(missing, getattr(converter, name), getattr(self, name))
+                for name, missing in open_.items()
+            },
+        )
+
     @classmethod
     def join(cls, parts: "list[Points]") -> "Points":
         """Points of several sets, one after the other."""
@@ -73,7 +93,7 @@ class Points:
 def grid(
     shape: tuple[int, int, int] = (25, 25, 20), *, lowest_W: float = 200.0, highest_W: float = 2000.0
 ) -> Points:
-    """The paper's grid over D1, D2 in [0, 1] and power, end points included, at 300 V and 140 V.
+    """The paper's grid over D1, D2 in [0, 1] and power, end points included, at nominal voltages.
 
     >>> len(grid())
     12500
@@ -98,18 +118,6 @@ def efficiency(P1_W: Array, P2_W: Array) -> Array:
 
 
 def grid_of(converter: Converter, shape: tuple[int, int, int] = (25, 25, 20)) -> Points:
-    """The same grid for any converter: from a tenth of its rated power to all of it, at its nominal voltages."""
+    """The same grid for any converter: from a tenth of its rated power to all of it."""
     rated_W = converter.rated_power_W
-    return replace(
-        grid(shape, lowest_W=0.1 * rated_W, highest_W=rated_W), V1_V=converter.V1_V, V2_V=converter.V2_V
-    )
-
-
-def nominal_points(converter: Converter, D1: Quantity, D2: Quantity, power_W: Quantity) -> Points:
-    """Set points of a converter at its nominal voltages.
-
-    >>> from sim.prototype import prototype
-    >>> nominal_points(prototype(), 0.9, 0.1, 600.0).V2_V.tolist()
-    [140.0]
-    """
-    return Points(D1=D1, D2=D2, power_W=power_W, V1_V=converter.V1_V, V2_V=converter.V2_V)
+    return grid(shape, lowest_W=0.1 * rated_W, highest_W=rated_W)

@@ -88,7 +88,8 @@ def simulate_many(models: Sequence[Model], points: Points, near: Result | None =
     All are solved from ``near``, a result of one of them or their like at the same points, where that has power
     to spare; without it the first is solved from nothing and the others from that.
     """
-    return simulate_each([(model, points) for model in models], near)
+    given = points.with_voltages_of(models[0].converter)
+    return simulate_each([(model, given) for model in models], near)
 
 
 def simulate_each(
@@ -193,7 +194,8 @@ def can_run(models: Model | Sequence[Model], points: Points) -> NDArray[np.bool_
 
 def each_can_run(models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
     """The same of N points with each of K models, (K, N)."""
-    circuits, slots = _circuits([(model, points) for model in models])
+    given = points.with_voltages_of(models[0].converter)
+    circuits, slots = _circuits([(model, given) for model in models])
     runs = np.empty((len(circuits), len(points)), dtype=bool)
     for chosen, converter, moved in _stacked(circuits):
         alone = _refused(converter, moved) == ""

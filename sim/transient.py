@@ -236,10 +236,7 @@ def loop_plant(model: Model, table: DutyTable, load_W: float) -> LoopPlant:
 
 def _solved_at(model: Model, table: DutyTable, power_W: float) -> Solved:
     D1, D2 = table.at(power_W)
-    converter = model.converter
-    return solve_points(
-        model, Points(D1=D1, D2=D2, power_W=power_W, V1_V=converter.V1_V, V2_V=converter.V2_V)
-    )
+    return solve_points(model, Points(D1=D1, D2=D2, power_W=power_W))
 
 
 def _late(solved: Solved) -> Array:

@@ -29,9 +29,7 @@ def netlist_(
     """Write an operating point as a switch-level circuit; `ngspice -b FILE.cir` runs it and prints what it measures."""
     _check(D1=D1, D2=D2, power_W=power_W, out_file=out_file)
     model = model_from(model_file)
-    converter = model.converter
-    point = Points(D1=D1, D2=D2, power_W=power_W, V1_V=converter.V1_V, V2_V=converter.V2_V)
-    text = netlist(model, point)
+    text = netlist(model, Points(D1=D1, D2=D2, power_W=power_W))
     out_file.parent.mkdir(parents=True, exist_ok=True)
     out_file.write_text(text, encoding="utf-8")
     out.print(escape(f"{text.splitlines()[0].removeprefix('* ')}, written to {out_file}"))

@@ -147,7 +147,8 @@ def _scanned(points: Points) -> tuple[int, int, float]:
     """Missed points, roots beyond the first crossing, and the largest jump of power left, of some points."""
     converter, size = prototype(), len(points)
     temperatures = Temperatures.everywhere(converter, np.full(size, WARM_C))
-    circuit = build_circuit(converter, temperatures, np.asarray(points.V1_V), np.asarray(points.V2_V))
+    nominal = points.with_voltages_of(converter)
+    circuit = build_circuit(converter, temperatures, np.asarray(nominal.V1_V), np.asarray(nominal.V2_V))
     D1, D2, goal_W = (np.asarray(x) for x in (points.D1, points.D2, points.power_W))
     edges = hybrid_edges(-centre_offset(D1, D2), D1, D2)
     found = regulate(circuit, edges, goal_W)

@@ -10,7 +10,7 @@ from bench.optimum import loads_of
 from bench.training import efficiency_of, feasible_of, simulated_table
 from models.lut import Surroundings
 from sim.model import Model
-from sim.operating_points import nominal_points
+from sim.operating_points import Points
 from sim.simulate import simulate
 
 TWO_LEVEL = (
@@ -25,7 +25,7 @@ def other() -> Model:
 
 def test_another_converter_is_simulated_at_its_own_voltages(other: Model) -> None:
     place = np.array([0.9]), np.array([0.1]), np.array([900.0])
-    expected = simulate(other, nominal_points(other.converter, *place))
+    expected = simulate(other, Points(D1=0.9, D2=0.1, power_W=900.0, V1_V=400.0, V2_V=48.0))
     assert expected.feasible.all()
     assert efficiency_of(other)(*place).tolist() == expected["efficiency"].tolist()
     assert feasible_of(other)(*place).all()

@@ -14,7 +14,7 @@ from sim.steady_state import COARSE
 def test_a_round_that_leaps_to_an_absurd_power_or_to_none_is_told() -> None:
     """Seen at the very most that can be carried: from 2196 W to half a megawatt, and then no number."""
     points = Points(D1=np.full(4, 0.8), D2=np.full(4, 0.2), power_W=np.array([0.0, 5.0, 600.0, 1500.0]))
-    station = station_of(prototype(), points, None)
+    station = station_of(prototype(), points.with_voltages_of(prototype()), None)
     ahead = station.ahead(station.solve(COARSE))
     assert _possible(station, ahead).all()
     leap = np.array([0.0, 5e5, -5e5, np.nan])

@@ -125,7 +125,7 @@ def test_without_losses_both_ways_are_mirror_images() -> None:
 def test_an_igbt_secondary_closes_the_balance_and_depends_on_the_way_of_power() -> None:
     igbt = replace(prototype(), secondary=FullBridge(switch=prototype().primary.inner), modulation="hybrid")
     points = Points(D1=0.9, D2=0.1, power_W=[800.0, -800.0])
-    outcome = operate(igbt, points)
+    outcome = operate(igbt, points.with_voltages_of(igbt))
     orbit, balance = outcome.state.regulated.orbit, outcome.state.balance
     conducted = [
         k for k in balance.losses if k.endswith(("_conduction", "_copper")) or k == "link_resistance"

@@ -26,6 +26,8 @@ def points() -> Points:
         D1=rng.uniform(0.6, 0.97, COUNT),
         D2=rng.uniform(0.03, 0.3, COUNT),
         power_W=rng.uniform(200, 1000, COUNT),
+        V1_V=300.0,
+        V2_V=140.0,
     )
 
 

@@ -1,10 +1,16 @@
 """Points: what broadcasts, what is refused, what is kept."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from sim.model import Model
 from sim.operating_points import Points, grid
 from sim.parameters import ParameterError
+from sim.prototype import prototype
+from sim.simulate import can_run, simulate
+from sim.solved import solve_points
 
 
 def test_floats_become_arrays_of_the_longest() -> None:
@@ -24,6 +30,21 @@ def test_taking_and_joining_are_inverse() -> None:
 def test_a_voltage_of_zero_is_refused() -> None:
     with pytest.raises(ParameterError, match="V1_V"):
         Points(D1=0.9, D2=0.1, power_W=100.0, V1_V=[300.0, 0.0])
+
+
+def test_voltages_that_are_not_given_are_those_of_the_converter_that_runs() -> None:
+    other = Model(converter=replace(prototype(), V1_V=330.0, V2_V=150.0))
+    implied, given = (
+        Points(D1=0.9, D2=0.1, power_W=900.0),
+        Points(D1=0.9, D2=0.1, power_W=900.0, V1_V=330.0, V2_V=150.0),
+    )
+    expected = simulate(other, given)["efficiency"]
+    assert simulate(other, implied)["efficiency"].tolist() == expected.tolist()
+    assert solve_points(other, implied).points.V1_V.tolist() == [330.0]
+    assert simulate(other, implied).points.V2_V.tolist() == [150.0]
+    most = Points(D1=1.0, D2=0.0, power_W=2270.0)  # more than 300 V and 140 V carry
+    assert can_run(other, most).all()
+    assert not can_run(Model.baseline(), most).any()
 
 
 def test_what_nobody_read_is_no_number_and_everything_else_is_one() -> None:

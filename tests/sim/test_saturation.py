@@ -55,7 +55,7 @@ def test_the_waveform_is_that_of_the_flux() -> None:
 
 def test_every_orbit_closes_and_conserves_energy() -> None:
     points = Points(D1=[0.9, 0.7, 1.0], D2=[0.1, 0.2, 0.0], power_W=[1700.0, 900.0, -1200.0])
-    outcome = operate(saturating(0.4), points)
+    outcome = operate(saturating(0.4), points.with_voltages_of(prototype()))
     balance, orbit = outcome.state.balance, outcome.state.regulated.orbit
     carried = [k for k in balance.losses if k.endswith(("_conduction", "_copper")) or k == "link_resistance"]
     between_W = orbit.input_power_W() - orbit.output_power_W()
