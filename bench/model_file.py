@@ -3,14 +3,16 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from bench.errors import InputError, Problem
+from bench.errors import BenchError, InputError, Problem
 from bench.toml_file import line_of, read_toml, to_toml, write_atomically
-from sim.converter_data import ConverterDataError, converter_from_plain
+from models.registry import ModelRecord
+from sim.converter_data import ConverterDataError, converter_from_plain, converter_to_plain
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
 from sim.prototype import prototype
 
 KEYS = ("converter", "modulation", "effects")
+_NAMED = 3  # values in which two converters differ
 
 
 def read_model(path: Path) -> Model:
@@ -38,6 +40,38 @@ def read_model(path: Path) -> Model:
 def model_from(path: Path | None) -> Model:
     """The simulation model in a file, or the baseline."""
     return Model.baseline() if path is None else read_model(path)
+
+
+def simulator_for(record: ModelRecord, asked: Model | None) -> Model:
+    """The simulation model to search a kept model beside: what is asked for, else what it was trained beside.
+
+    Raises BenchError where what is asked for is another converter than the one that the model is of.
+    """
+    own = record.made_beside()
+    if own is None or asked is None:
+        return asked or own or Model.baseline()
+    if asked.converter != own.converter:
+        a, b = (_flat(converter_to_plain(m.converter) | _modulation(m)) for m in (own, asked))
+        others = [name for name in a | b if a.get(name) != b.get(name)]
+        more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+        raise BenchError(
+            f"model {record.id} is of the converter {own.converter.name!r}, the simulation model asked for of "
+            f"{asked.converter.name!r}; they differ in {', '.join(others[:_NAMED])}{more}. Name the model's own with "
+            "--sim-model, or keep the models of each converter in a folder of their own with --models"
+        )
+    return asked
+
+
+def _modulation(model: Model) -> dict[str, object]:
+    return {"modulation": model.converter.modulation}
+
+
+def _flat(plain: Mapping[str, object], before: str = "") -> dict[str, object]:
+    """Nested plain data by dotted path."""
+    found: dict[str, object] = {}
+    for name, value in plain.items():
+        found |= _flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {before + name: value}
+    return found
 
 
 def write_model(path: Path, model: Model) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from bench.lut_file import LutOrigin, write_beside
+from bench.model_file import simulator_for
 from bench.optimum import BestModulation, loads_of
 from bench.store import Store
 from bench.training import HALF_WIDTH, HELD_OUT, NotTrained, Say, Trainer, efficiency_of, simulated_table
@@ -93,9 +94,14 @@ class Retrainer:
         return BestModulation(simulator=self.simulator, loads_W=self.loads_W or loads_of(self.simulator))
 
     def retrain(self, data: TrainingData) -> Retraining:
-        """Train, judge and decide; the table of a promoted model is written beside it."""
+        """Train, judge and decide; the table of a promoted model is written beside it.
+
+        Raises BenchError where the model in use is of another converter.
+        """
         if not len(data):
             return Retraining(said="waiting: no accepted rows yet")
+        if used := self.journal.in_use():
+            simulator_for(self.registry.show(used), self.simulator)
         held = held_out(data.rows)
         unseen = self._unseen(data, held)
         sha = data_hash(data.table, self.simulated)
@@ -133,7 +139,10 @@ class Retrainer:
     ) -> ModelRecord:
         names = np.array(data.names)
         fitted, held_names = (tuple(names[rows].tolist()) for rows in (~held, held))
-        origin = Origin(data=data.data, virtual=data.virtual, fitted=fitted, held_out=held_names)
+        origin = Origin(
+            data=data.data, virtual=data.virtual, fitted=fitted, held_out=held_names,
+            simulator=self.simulator.as_plain(),
+        )  # fmt: skip
         return self.registry.save(
             candidate, data_sha256=sha, created=self.now(), metrics=metrics, origin=origin
         )
@@ -171,7 +180,10 @@ class Retrainer:
         efficiency = efficiency_of(self.simulator)
         rivals: dict[str, EfficiencyModel] = {SIMULATION: SimulatorStage(efficiency)}
         used = self.journal.in_use()
-        return rivals | ({used: self.registry.load(used, efficiency)} if used else {})
+        if used is None:
+            return rivals
+        own = self.registry.show(used).made_beside()
+        return rivals | {used: self.registry.load(used, efficiency_of(own) if own else efficiency)}
 
     def _decide(
         self, record: ModelRecord, errors: Mapping[str, float], judged: int, *, aside: Sequence[str] = ()

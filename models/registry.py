@@ -2,15 +2,15 @@
 
 ::
 
-    <root>/<id>/metadata.json     kind, data hash, settings, metrics, when, from whose data
+    <root>/<id>/metadata.json     kind, data hash, settings, metrics, when, from whose data, beside which simulator
     <root>/<id>/rows.json         the measured rows that it was fitted to, and those it was judged on
     <root>/<id>/stage_1.ubj       XGBoost's own format, one file per ensemble of trees
     <root>/<id>/stage_1.json      its settings; of calibrated physics all that there is (models/calibrated_file.py)
 
 The same data and settings give the same id, so training twice keeps one folder. A stage that is the
-simulator is not stored: whoever loads the model hands the simulator in. Calibrated physics is the simulator with
-numbers of its own, and is stored with them and their hash. Which model is in use, and why, is in
-:mod:`models.journal`.
+simulator is not stored, only of which converter with which effects: whoever loads the model hands the simulator
+in. Calibrated physics is the simulator with numbers of its own, and is stored with them and their hash. Which model
+is in use, and why, is in :mod:`models.journal`.
 """
 
 import hashlib
@@ -21,11 +21,15 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from models.boosting import BoostedTrees
 from models.surrogate import CALIBRATED, EfficiencyModel, Simulator, SimulatorStage, StagedModel
+
+if TYPE_CHECKING:
+    from sim.model import Model
 
 SCHEMA = 2
 _SIMULATOR = "simulator"
@@ -47,6 +51,20 @@ class ModelRecord:
     metrics: Mapping[str, float]
     virtual: bool | None = None  # whether its measurements come from a virtual lab; None: nobody said
     data: str = ""  # where they are: a database and its campaigns, or a file
+    simulator: Mapping[str, object] | None = (
+        None  # as plain data: converter, modulation, effects; None: not recorded
+    )
+
+    def made_beside(self) -> "Model | None":
+        """The simulation model that it was trained beside; RegistryError where its description cannot be read."""
+        from sim.model import Model  # here: the simulator loads slowly
+
+        if self.simulator is None:
+            return None
+        try:
+            return Model.from_plain(self.simulator)
+        except (KeyError, TypeError, ValueError) as error:  # ParameterError is a ValueError
+            raise RegistryError(f"model {self.id}: its simulation model cannot be read ({error})") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,12 +72,14 @@ class Origin:
     """Where a model's measurements come from: the way back from what it says to what was measured.
 
     ``fitted`` and ``held_out`` name rows, such as ``campaign 3 point 17 repeat 0`` or ``theirs.csv row 5``.
+    ``simulator`` is the simulation model of the converter that was measured, as plain data.
     """
 
     data: str = ""
     virtual: bool | None = None
     fitted: tuple[str, ...] = ()
     held_out: tuple[str, ...] = ()
+    simulator: Mapping[str, object] | None = None
 
 
 def data_hash(*tables: pd.DataFrame) -> str:
@@ -99,6 +119,7 @@ class Registry:
             metrics=dict(metrics or {}),
             virtual=origin.virtual,
             data=origin.data,
+            simulator=origin.simulator,
         )
         if (self.root / record.id / "metadata.json").is_file():
             return self.show(record.id)
@@ -133,6 +154,7 @@ class Registry:
             return Origin(
                 data=record.data,
                 virtual=record.virtual,
+                simulator=record.simulator,
                 fitted=tuple(rows["fitted"]),
                 held_out=tuple(rows["held_out"]),
             )

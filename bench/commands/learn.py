@@ -28,6 +28,7 @@ from bench.training import (
 from bench.training_data import TrainingData
 from bench.wording import points_text
 from models.registry import ModelRecord, Origin, Registry
+from sim.model import Model
 
 app = typer.Typer()
 
@@ -62,7 +63,7 @@ def train_(
         except NotTrained as why:
             _progress(str(why))
             continue
-        record = _keep(trained, Registry(folder), measured, db)
+        record = _keep(trained, Registry(folder), measured, simulator, db)
         error = trained.held_out
         mean, worst = (f"{points_text(value)} points" for value in (error.mean_abs, error.worst_abs))
         table.add_row(record.id, kind, mean, worst, str(error.points))
@@ -80,14 +81,19 @@ def _progress(said: str) -> None:
     err.print(escape(said))
 
 
-def _keep(trained: Trained, registry: Registry, measured: TrainingData, db: str | None) -> ModelRecord:
+def _keep(
+    trained: Trained, registry: Registry, measured: TrainingData, simulator: Model, db: str | None
+) -> ModelRecord:
     metrics = {HELD_OUT: trained.held_out.mean_abs, HALF_WIDTH: trained.half_width}
+    origin = Origin(
+        data=measured.data, virtual=measured.virtual, fitted=measured.names, simulator=simulator.as_plain()
+    )
     record = registry.save(
         trained.model,
         data_sha256=trained.data_sha256,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         metrics=metrics,
-        origin=Origin(data=measured.data, virtual=measured.virtual, fitted=measured.names),
+        origin=origin,
     )
     for campaign_id in measured.campaigns:
         with Store(database_url(db)) as store:

@@ -13,13 +13,13 @@ from rich.table import Table
 from bench.campaign import run_campaign
 from bench.commands.bench import stop_on_signals
 from bench.commands.live import live
-from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel, check_folder
+from bench.commands.options import DEFAULT_FOLDER, Database, Folder, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.config import read_bench
 from bench.errors import BenchError, InputError
 from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_beside, write_lut
 from bench.lut_on_bench import following, load_into_controller, table_rows, verification, verified
-from bench.model_file import model_from
+from bench.model_file import model_from, read_model, simulator_for
 from bench.optimum import BestModulation, loads_of
 from bench.store import Store, database_url
 from bench.table_file import check_ending, write_table
@@ -41,6 +41,14 @@ app.add_typer(lut_app, name="lut")
 
 LutFile = Annotated[Path, typer.Argument(metavar="FILE", help="a table written by d2ea optimise")]
 BenchFile = Annotated[Path, typer.Option("--bench", metavar="BENCH.toml", help="the instruments")]
+OwnModel = Annotated[
+    Path | None,
+    typer.Option(
+        "--sim-model",
+        metavar="MODEL.toml",
+        help="simulation model; else the one that the model was trained beside",
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="of the search")]
 SEARCHED = (CALIBRATED, D2EA)  # kinds that the best modulation is looked for on, the better one first
 
@@ -59,16 +67,17 @@ def optimise(
     ] = None,
     out_file: Annotated[Path, typer.Option("--out", metavar="lut.csv|.h|.json")] = Path("lut.csv"),
     folder: Folder = DEFAULT_FOLDER,
-    sim_model: SimModel = None,
+    sim_model: OwnModel = None,
     seed: Seed = 1,
 ) -> None:
     """Find D1 and D2 of the highest predicted efficiency over load, as a table that firmware can interpolate."""
     check_lut_ending(out_file)
     check_folder(out_file.parent, "--out")
     asked_W = parse_powers(powers) if powers is not None else None
-    simulator = model_from(sim_model)
     record = chosen(Registry(folder), model_id)
-    model = vouched(Registry(folder).load(record.id, efficiency_of(simulator)))
+    simulator = simulator_for(record, None if sim_model is None else read_model(sim_model))
+    stage = efficiency_of(record.made_beside() or simulator)
+    model = vouched(Registry(folder).load(record.id, stage))
     own = model.of.model if isinstance(model, Vouched) else simulator
     search = BestModulation(simulator=simulator, loads_W=asked_W or loads_of(own))
     optimum = search.best(model, seed)

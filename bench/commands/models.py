@@ -48,6 +48,8 @@ def show(
     stamp(bool(record.virtual))
     for name in ("id", "kind", "created", "data", "data_sha256"):
         out.print(escape(f"{name}: {getattr(record, name) or 'not recorded'}"))
+    beside = record.made_beside()
+    out.print(escape(f"converter: {beside.converter.name if beside else 'not recorded'}"))
     for title, entries in (("settings", record.settings), ("metrics", record.metrics)):
         for key, value in entries.items():
             out.print(escape(f"{title}.{key}: {value}"))

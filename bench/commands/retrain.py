@@ -18,6 +18,7 @@ from bench.store import Store, database_url
 from bench.training_data import TrainingData
 from models.dataset import load_measurements
 from models.registry import Registry
+from sim.model import Model
 
 app = typer.Typer()
 
@@ -50,9 +51,8 @@ def retrain(
     if kind and kind not in KINDS:
         raise InputError.of("command line", "--kind", kind, f"one of {', '.join(KINDS)}")
     kinds = (kind,) if kind else KINDS
-    retrainer = Retrainer(
-        registry=Registry(folder), simulator=model_from(sim_model), now=now, kinds=kinds, say=_progress
-    )
+    simulator = model_from(sim_model)
+    retrainer = Retrainer(registry=Registry(folder), simulator=simulator, now=now, kinds=kinds, say=_progress)
     with Store(database_url(db)) as store:
         if not keep_watching:
             data = newest_data(store, campaign_id)
@@ -60,7 +60,7 @@ def retrain(
                 raise InputError.of(
                     "database", "campaigns", None, "none yet; d2ea run or d2ea import makes one"
                 )
-            _settle(store, data, retrainer.retrain(data), diagnose)
+            _settle(store, data, retrainer.retrain(data), simulator if diagnose else None)
             return
         if campaign_id is not None:
             raise InputError.of("command line", "--watch", True, "follows the newest campaign; name none")
@@ -72,7 +72,7 @@ def retrain(
             )
             rounds = watch(store, retrainer, every=every, wait=lambda: not stop.wait(LOOK_EVERY_S))
             for data, retraining in rounds:
-                _settle(store, data, retraining, diagnose)
+                _settle(store, data, retraining, simulator if diagnose else None)
         err.print("no longer watching")
 
 
@@ -80,8 +80,8 @@ def _progress(said: str) -> None:
     err.print(escape(said))
 
 
-def _settle(store: Store, data: TrainingData, retraining: Retraining, diagnose: bool) -> None:
-    """Say what came of it, note it beside the campaign, and renew the diagnosis."""
+def _settle(store: Store, data: TrainingData, retraining: Retraining, simulator: Model | None) -> None:
+    """Say what came of it, note it beside the campaign, and renew the diagnosis where there is a simulator for it."""
     stamp(bool(data.virtual))
     out.print(escape(f"{len(data)} accepted rows of {data.data}"))
     out.print(escape(retraining.said))
@@ -90,15 +90,15 @@ def _settle(store: Store, data: TrainingData, retraining: Retraining, diagnose: 
         out.print(escape(f"table: {file}"))
     for line in retraining.lut.unsound if retraining.lut else ():
         err.print(f"[bold yellow]between rows:[/] {escape(str(line))}")
-    if diagnose and retraining.decision is not None:
-        _diagnose(store, data)
+    if simulator is not None and retraining.decision is not None:
+        _diagnose(store, data, simulator)
 
 
-def _diagnose(store: Store, data: TrainingData) -> None:
+def _diagnose(store: Store, data: TrainingData, simulator: Model) -> None:
     from bench.wording import verdict_text
     from models.diagnosis.diagnose import diagnose as find_cause  # here: it loads slowly
 
     newest = data.campaigns[-1]
-    verdict = find_cause(load_measurements(store.measurement_table(newest))).as_plain(None)
+    verdict = find_cause(load_measurements(store.measurement_table(newest)), simulator).as_plain(None)
     store.add_diagnosis(verdict, campaign_id=newest)
     out.print(escape(f"diagnosis of campaign {newest}: {verdict_text(verdict)}"))

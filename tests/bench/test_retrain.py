@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.errors import BenchError
 from bench.lut_file import model_of, read_lut
+from bench.model_file import simulator_for
 from bench.retrain import Retrainer, Retraining, newest_data, note_in_store, watch
 from bench.store import Provenance, Store
 from bench.trace import trace_entry
@@ -20,11 +22,13 @@ from models.journal import Choice
 from models.registry import ModelRecord, Registry
 from sim.model import Model
 from sim.operating_points import Points
+from sim.prototype import prototype
 from sim.simulate import simulate
 
 WHEN = "2024-05-01T12:00:00+00:00"
 LOADS_W = (400.0, 600.0, 800.0)
 TREES = ("d2ea", "simulator_first_stage")  # a diagnosis takes longer, and most tests are not about it
+OTHER = Model(converter=replace(prototype(), V1_V=330.0))
 SETTINGS = {"simulator": Model.baseline(), "shape": (13, 13, 7), "loads_W": LOADS_W}
 
 
@@ -80,6 +84,27 @@ def test_its_table_is_written_beside_it_and_leads_back_to_it(first: tuple[Retrai
     for file in result.files:
         assert model_of(file) == result.decision.model
         assert read_lut(file)["P_W"].tolist() == list(LOADS_W)
+
+
+def test_a_model_knows_its_converter_and_is_refused_beside_another(
+    first: tuple[Retrainer, Retraining],
+) -> None:
+    made, result = first
+    assert result.decision is not None
+    record = made.registry.show(result.decision.model)
+    assert simulator_for(record, None) == Model.baseline()
+    resistive = Model.baseline().with_effect("link_resistance", resistance_Ohm=0.1)
+    assert simulator_for(record, resistive) == resistive  # the same converter, an effect besides
+    with pytest.raises(BenchError, match=r"they differ in V1_V\. Name the model's own"):
+        simulator_for(record, OTHER)
+    with pytest.raises(BenchError, match="--models"):
+        replace(made, simulator=OTHER).retrain(file_data(measured(160)))
+
+
+def test_a_model_from_before_its_converter_was_kept_is_taken_as_it_was() -> None:
+    record = ModelRecord(id="0" * 12, kind="d2ea", created=WHEN, data_sha256="", settings={}, metrics={})
+    assert simulator_for(record, OTHER) == OTHER
+    assert simulator_for(record, None) == Model.baseline()
 
 
 def test_what_was_judged_was_not_fitted(first: tuple[Retrainer, Retraining]) -> None:
