@@ -13,6 +13,7 @@ from models.screening import LOADED_KINDS
 SAME_DUTY = 1e-3  # half periods: set points that differ by less are the same
 SAME_POWER_W = 1.0
 SIGNIFICANT = 2.0  # standard errors
+_NO_SETTINGS = ("resource", "database", "left_out")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,9 +97,9 @@ def _at_set_points(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _settings(first: object, second: object, path: str = "") -> tuple[str, ...]:
-    """Settings that differ, dotted; ports and names of files are left out."""
+    """Settings that differ, dotted; ports, names of files and rows are left out."""
     if isinstance(first, dict) and isinstance(second, dict):
-        keys = [key for key in dict.fromkeys([*first, *second]) if key not in ("resource", "database")]
+        keys = [key for key in dict.fromkeys([*first, *second]) if key not in _NO_SETTINGS]
         found = (_settings(first.get(k), second.get(k), f"{path}.{k}" if path else str(k)) for k in keys)
         return tuple(line for lines in found for line in lines)
     return () if first == second else (f"{path}: {first} and {second}",)

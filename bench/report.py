@@ -230,9 +230,11 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
 
 
 def rows_left_out(diagnosis: Mapping[str, Any]) -> str:
-    """How many rows a diagnosis did not use, or not all of; empty where it used all."""
+    """How many rows a diagnosis did not use, or not all of, or never got; empty where it used all."""
     rows = {row["row"] for row in diagnosis.get("rejected_rows") or ()}
-    return f"all or some readings of {counted(len(rows), 'row')} not used by the diagnosis" if rows else ""
+    before = (diagnosis.get("left_out_by_import") or {}).get("rows") or ()
+    said = [f"all or some readings of {counted(len(rows), 'row')} not used by the diagnosis"] if rows else []
+    return "; ".join(said + ([f"{counted(len(before), 'row')} left out by the import"] if before else []))
 
 
 def tiles(data: ReportData) -> list[tuple[str, str, str]]:

@@ -13,6 +13,7 @@ from bench.commands.measurements import read_measurements
 from bench.commands.options import Database
 from bench.commands.streams import out, stamp
 from bench.errors import InputError, StateError
+from bench.imported import import_config
 from bench.plan import most_rows
 from bench.states import STOPPED, State
 from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_url
@@ -172,7 +173,8 @@ def import_(
     """Make a campaign of somebody else's measurements."""
     measured = read_measurements(file, _other_names(columns or []))
     virtual = virtual or bool(measured.virtual)
-    provenance = Provenance(config={"imported_from": file.name}, config_hash=file_hash(file), virtual=virtual)
+    config = import_config(file, measured)
+    provenance = Provenance(config=config, config_hash=file_hash(file), virtual=virtual)
     with Store(database_url(db)) as store:
         campaign_id = store.import_table(name or file.stem, measured.frame, provenance)
     stamp(virtual)

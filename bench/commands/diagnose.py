@@ -16,6 +16,7 @@ from bench.commands.options import Database, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
+from bench.imported import left_out_by_import
 from bench.model_file import model_from, write_model
 from bench.report import first_questions
 from bench.table_file import write_table
@@ -92,7 +93,7 @@ def diagnose(
     except ImplausibleTable as error:
         raise InputError.of(where, "columns", None, str(error)) from error
     write_model(out_dir / "model.toml", found.extended)
-    plain = found.as_plain(str(out_dir / "model.toml"))
+    plain = found.as_plain(str(out_dir / "model.toml")) | _before(campaign_id, db)
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
         write_atomically(path, text)
@@ -142,6 +143,14 @@ def measured(data: str, db: str | None) -> tuple[Measurements, int | None, bool]
     return load_measurements(frame), int(data), virtual
 
 
+def _before(campaign_id: int | None, db: str | None) -> dict[str, Any]:
+    """What the import of a campaign left out."""
+    if campaign_id is None:
+        return {}
+    with _store(db) as store:
+        return left_out_by_import(store.campaign(campaign_id)["config"])
+
+
 def _store(db: str | None) -> "Store":
     from bench.store import Store, database_url  # here: a diagnosis of a file needs no database
 
@@ -181,5 +190,10 @@ def tell(plain: dict[str, Any]) -> None:
     if plain["rejected_rows"]:
         rows = counted(len({row["row"] for row in plain["rejected_rows"]}), "row")
         out.print(f"all or some readings of {rows} left out; the reasons are in diagnosis.json")
+    if before := plain.get("left_out_by_import"):
+        rows = counted(len(before["rows"]), "row")
+        out.print(
+            escape(f"{rows} of {before['file']} left out by its import; the reasons are in diagnosis.json")
+        )
     for column in plain["rejected_columns"]:
         out.print(escape(f"column {column['column']} left out: {column['reason']}"))

@@ -82,6 +82,15 @@ def test_what_was_left_out_and_what_is_unknown_is_said(page: DiagnosisPage, tmp_
     assert "looks like kilowatts" in text
 
 
+def test_what_the_import_left_out_is_listed_as_its_file_counts(page: DiagnosisPage, tmp_path: Path) -> None:
+    row = {"row": 7, "line": 9, "column": "P1_W", "value": "inf", "reason": "overrange"}
+    before = {"left_out_by_import": {"file": "theirs.csv", "rows": [row]}}
+    text = written(replace(page, diagnosis=ANSWER | before), tmp_path)
+    assert "What the import of theirs.csv left out: 1 row<" in text
+    assert '<td class="number">9</td><td>P1_W</td><td>inf</td><td>overrange</td>' in text
+    assert "1 row not used by the diagnosis; 1 row left out by the import" in text
+
+
 def test_an_extension_that_predicts_worse_is_not_to_be_used(page: DiagnosisPage, tmp_path: Path) -> None:
     worse = ANSWER["gain"] | {"after": 0.02, "ci95": [-0.009, -0.007]}
     text = written(replace(page, diagnosis=ANSWER | {"gain": worse}), tmp_path)
