@@ -2,7 +2,8 @@
 
 Replicates in time order are differenced before they are squared (von Neumann, 1941), so that a drift does not
 pass for noise. With few of them the estimate is uncertain: what the best explanation leaves then corrects it,
-channel by channel, and readings that lie far off count less.
+channel by channel, and readings that lie far off count less. Rows without load tell of their own noise: that of
+nothing at all is a share of the instrument's range.
 """
 
 from dataclasses import dataclass
@@ -20,12 +21,16 @@ _ON_THE_GRID = 1e-6  # of a step
 _FAR_OFF = 3.0  # sigmas
 _CLIPPED = 0.9733  # mean square of a normal deviate clipped at three
 _SCALES = (0.4, 4.0)  # of a channel's noise, as found from replicates or as assumed without
+_LEAST = 0.01  # of the rated power: below, noise is that of the range
 _NEEDED = 4  # differences below which replicates say nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelNoise:
-    """Noise of one channel: relative to the reading's power where ``proportional``, else in its unit."""
+    """Noise of one channel: relative to the reading's power where ``proportional``, else in its unit.
+
+    ``idle`` is that of rows without load, in the channel's unit; 0 where none was read again.
+    """
 
     channel: str
     sigma: float
@@ -33,6 +38,7 @@ class ChannelNoise:
     differences: int
     excess_kurtosis: float
     autocorrelation: float
+    idle: float = 0.0
 
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
@@ -56,37 +62,43 @@ def _groups(observations: Observations) -> list[NDArray[np.intp]]:
 
 
 def _differences(
-    observations: Observations, residual: Array, name: str, groups: list[NDArray[np.intp]]
+    observations: Observations, scaled: Array, name: str, groups: list[NDArray[np.intp]]
 ) -> list[Array]:
-    """Scaled differences of successive replicates' residuals, one sigma of noise each; an array per set point."""
+    """Differences of successive replicates of ``scaled`` (M,), one sigma of noise each; an array per set point."""
     mask = observations.of(name)
     by_row = np.full(len(observations.frame), np.nan)
-    by_row[observations.row[mask]] = residual[mask] / scale_of(observations, name)[mask]
-    steps = [np.diff(by_row[g[observations.loaded[g]]]) / np.sqrt(2) for g in groups]
+    by_row[observations.row[mask]] = scaled[mask]
+    steps = [np.diff(by_row[g]) / np.sqrt(2) for g in groups]
     return [step[np.isfinite(step)] for step in steps]
 
 
 def scale_of(observations: Observations, name: str) -> Array:
-    """What the noise of a channel is proportional to, per reading (M,); 1 where it is not proportional."""
+    """What the noise of a channel is proportional to, per reading (M,); 1 where it is not proportional.
+
+    It falls no further below a hundredth of the rated power.
+    """
     if name not in _PROPORTIONAL:
         return np.ones(observations.value.size)
     if name == "I_L_rms_A":
         return np.asarray(np.maximum(np.abs(observations.value), 0.1))
-    return np.asarray(np.maximum(np.asarray(observations.points.power_W)[observations.row], 20.0))
+    least_W = _LEAST * observations.rated_W
+    return np.asarray(np.maximum(np.asarray(observations.points.power_W)[observations.row], least_W))
 
 
 def estimate_noise(observations: Observations, residual: Array) -> list[ChannelNoise]:
     """The noise of every channel present, from the residuals (M,) of the baseline."""
-    groups = _groups(observations)
-    found = []
+    groups, found = _groups(observations), []
+    carrying = [g for g in groups if observations.loaded[g].all()]
+    unloaded = [g for g in groups if not observations.loaded[g].any()]
     for channel in observations.channels:
-        of_each = _differences(observations, residual, channel.name, groups)
+        scaled = residual / scale_of(observations, channel.name)
+        of_each = _differences(observations, scaled, channel.name, carrying)
         steps = np.concatenate(of_each) if of_each else np.empty(0)
         floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
         n = steps.size
         if n >= _NEEDED:
             spread = float(np.sqrt(np.mean(steps**2)))
-            sigma = max(spread * (1 + 0.7 / np.sqrt(n)), floor)  # the upper side of a chi-squared estimate
+            sigma = max(spread * _upper(n), floor)
             power = max(float(np.mean(steps**2)), 1e-150)  # squared below: exact replicates have none
             kurtosis = float(np.mean(steps**4)) / power**2 - 3.0
             memory = _autocorrelation(of_each, power)
@@ -100,9 +112,21 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
                 differences=n,
                 excess_kurtosis=kurtosis,
                 autocorrelation=memory,
+                idle=_idle(_differences(observations, residual, channel.name, unloaded)),
             )
         )
     return found
+
+
+def _upper(differences: int) -> float:
+    """The upper side of a chi-squared estimate, over the estimate."""
+    return float(1 + 0.7 / np.sqrt(differences))
+
+
+def _idle(of_each: list[Array]) -> float:
+    """Noise from any differences at all: whatever two readings of nothing differ by, neither is known better."""
+    steps = np.concatenate(of_each or [np.empty(0)])
+    return float(np.sqrt(np.mean(steps**2))) * _upper(steps.size) if steps.size else 0.0
 
 
 def _autocorrelation(of_each: list[Array], power: float) -> float:
@@ -122,7 +146,9 @@ def sigma_of(observations: Observations, noise: list[ChannelNoise]) -> Array:
     for entry, channel in zip(noise, observations.channels, strict=True):
         mask = observations.of(entry.channel)
         random = entry.sigma * scale_of(observations, entry.channel)[mask]
-        sigma[mask] = np.sqrt(random**2 + channel.floor**2 + resolution(observations.value[mask]) ** 2 / 12)
+        idle = np.where(observations.loaded[observations.row[mask]], 0.0, entry.idle)
+        rounded = resolution(observations.value[mask]) ** 2 / 12
+        sigma[mask] = np.sqrt(np.maximum(random**2 + channel.floor**2, idle**2) + rounded)
     return sigma
 
 

@@ -72,7 +72,7 @@ _DEAD_V = 1.0  # an output below this is off
 class Observations:
     """M readings: ``channel`` (M,) indexes ``channels``, ``row`` (M,) the rows of ``frame``; ``value`` (M,).
 
-    ``processes`` share a large simulation of them.
+    ``rated_W`` is the converter's power; ``processes`` share a large simulation of them.
     """
 
     frame: pd.DataFrame
@@ -81,6 +81,7 @@ class Observations:
     channel: NDArray[np.intp]
     row: NDArray[np.intp]
     value: Array
+    rated_W: float
     processes: int = 1
 
     def of(self, name: str) -> NDArray[np.bool_]:
@@ -203,6 +204,7 @@ def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Ob
         channel=np.concatenate(channel).astype(np.intp),
         row=np.concatenate(row).astype(np.intp),
         value=np.concatenate(value),
+        rated_W=converter.rated_power_W,
         processes=processes,
     )
 

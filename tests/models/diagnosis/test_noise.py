@@ -1,10 +1,14 @@
 """Noise from replicates: a known sigma comes back, and what is not noise does not pass for it."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from models.diagnosis.noise import estimate_noise, scale_of, sigma_of
-from models.diagnosis.observations import Observations
+from models.diagnosis.observations import Observations, observe
+from sim.prototype import prototype
 from tests.models.diagnosis.fabricated import loads
 
 SET_POINTS, REPEATS = np.array([300.0, 600.0, 1000.0, 1500.0]), 75
@@ -83,3 +87,25 @@ def test_without_replicates_an_assumed_noise_stands_in() -> None:
     assert noise.differences == 0
     assert noise.sigma > 0
     assert np.all(sigma_of(observations, [noise]) > 0)
+
+
+def test_rows_without_load_tell_of_their_own_noise() -> None:
+    loaded = pd.DataFrame({"D1": 0.9, "D2": 0.1, "P2_W": np.tile(SET_POINTS, 5), "kind": "load"})
+    idle = pd.DataFrame({"kind": ["standby"] * 8, "P2_W": 0.0})
+    frame = pd.concat([loaded.assign(P1_W=loaded["P2_W"] / 0.98), idle.assign(P1_W=0.0)], ignore_index=True)
+    observations = observe(frame.assign(time_s=60.0 * np.arange(len(frame))), prototype())
+    carries = observations.loaded[observations.row]
+    residual = np.where(carries, 0.0, 0.12 * np.tile([1.0, -1.0], len(frame) // 2))
+    noise = estimate_noise(observations, residual)
+    sigma = sigma_of(observations, noise)
+    assert np.all(sigma[~carries] > 0.12)  # the upper side
+    assert np.all(sigma[carries] < 0.06)  # loaded rows repeat exactly: the floor of the instrument is left
+
+
+def test_noise_is_that_of_the_range_below_a_share_of_the_rated_power() -> None:
+    frame = pd.DataFrame(
+        {"D1": 0.9, "D2": 0.1, "P2_W": [10.0, 100.0, 1000.0], "P1_W": 1010.0, "kind": "load"}
+    )
+    ten_times = replace(prototype(), rated_power_W=20e3)
+    assert scale_of(observe(frame, prototype()), "efficiency").tolist() == [20.0, 100.0, 1000.0]
+    assert scale_of(observe(frame, ten_times), "efficiency").tolist() == [200.0, 200.0, 1000.0]
