@@ -156,7 +156,7 @@ def implausible(
         if reason is not None:
             rejected.append(RejectedColumn(column=channel.column, reason=reason))
     if {r.column for r in rejected}.isdisjoint(_LINK):
-        rejected += _crossed(observations)
+        rejected += _crossed(observations, expected)
     names = {r.column for r in rejected}
     places = [k for k, c in enumerate(observations.channels) if c.column in names]
     return np.isin(observations.channel, places), rejected
@@ -216,13 +216,24 @@ def _other_zero(c: _Column) -> str | None:
 _JUDGES: tuple[Callable[[_Column], str | None], ...] = (_stuck, _other_unit, _other_zero)
 
 
-def _crossed(observations: Observations) -> list[RejectedColumn]:
-    """Both powers of the ac link where the second is the larger: the elements are exchanged."""
-    frame = observations.frame[observations.loaded]
-    if not set(_LINK) <= set(frame):
+def _crossed(observations: Observations, expected: Array) -> list[RejectedColumn]:
+    """Both powers of the ac link where what is lost between them goes the other way: the elements are exchanged.
+
+    Two elements inside their specification may show less than nothing between them, so whatever offsets and gains
+    could do is taken out first.
+    """
+    first, second = (np.flatnonzero(observations.of(name)) for name in _LINK)
+    both = np.intersect1d(observations.row[first], observations.row[second])
+    both = both[observations.loaded[both]]
+    if both.size < _ENOUGH:
         return []
-    behind = (frame["P_link1_W"].astype(float) - frame["P_link2_W"].astype(float)).dropna()
-    if behind.size < _ENOUGH or behind.median() >= 0:
+    at, behind = (r[np.searchsorted(observations.row[r], both)] for r in (first, second))
+    lost_W = np.stack([column[at] - column[behind] for column in (observations.value, expected)])
+    errors = np.stack([np.ones(both.size), np.asarray(observations.points.power_W)[both]])
+    basis, _ = np.linalg.qr(errors.T)
+    measured_W, expected_W = lost_W - (lost_W @ basis) @ basis.T
+    turned, straight = np.linalg.norm(measured_W + expected_W), np.linalg.norm(measured_W - expected_W)
+    if turned >= _FAR_NEARER * straight:
         return []
-    reason = "P_link2_W is above P_link1_W in most rows: more power behind the link than before it; are they exchanged?"
+    reason = "what is lost between P_link1_W and P_link2_W goes the wrong way over the set points; are they exchanged?"
     return [RejectedColumn(column=name, reason=reason) for name in _LINK]

@@ -65,6 +65,14 @@ def test_exchanged_link_powers_are_left_out_together(frame: pd.DataFrame) -> Non
     assert "exchanged" in found[0].reason
 
 
+def test_two_elements_inside_their_specification_are_not_exchanged(frame: pd.DataFrame) -> None:
+    low = frame.assign(P_link1_W=0.997 * frame["P_link1_W"] - 3.0, P_link2_W=1.003 * frame["P_link2_W"] + 3.0)
+    assert (low["P_link1_W"] < low["P_link2_W"]).mean() > 0.5  # more behind the link than before it
+    assert rejected(low) == []
+    swapped = low.rename(columns={"P_link1_W": "P_link2_W", "P_link2_W": "P_link1_W"})
+    assert [r.column for r in rejected(swapped)] == ["P_link1_W", "P_link2_W"]
+
+
 def test_a_constant_that_has_to_be_constant_is_kept(frame: pd.DataFrame) -> None:
     one = pd.concat([frame.head(1)] * 8, ignore_index=True)
     assert rejected(one) == []
