@@ -18,7 +18,7 @@ from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.extension import extended, interval
-from models.diagnosis.gain import Gain, Readings, held_out_gains
+from models.diagnosis.gain import Gain, Readings, Worth
 from models.diagnosis.gap import gap, share_of_gap
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import (
@@ -55,9 +55,10 @@ class TooFewPoints(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """The verdict with everything that it rests on; what to measure next is found when it is asked for.
+    """The verdict with everything that it rests on; what causes are worth, what the points can see and what to measure
+    next are found when they are asked for.
 
-    ``ahead`` is that where a process had time for it.
+    ``held_out`` and ``ahead`` are the gains and the next measurements where processes had time for them.
     """
 
     verdict: Verdict
@@ -67,19 +68,33 @@ class Diagnosis:
     noise: list[ChannelNoise]
     gap: dict[str, Any]
     share: dict[str, float]
-    gains: tuple[Gain, ...]
+    worth: Worth | None
     rivals: list[Rival]
     refinery: Refinery
     unexplained: Unexplained | None
     alike: list[Confirmed]
-    sight: list[Sight]
     extended: Model
     leading: Fit
     sigma: Array
     edge: Observations
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
+    held_out: tuple[Gain, ...] | None = None
     ahead: list[NextMeasurement] | None = None
+
+    @cached_property
+    def gains(self) -> tuple[Gain, ...]:
+        """What the stated causes are worth on blocks of each kind that were not fitted; none without any."""
+        if self.held_out is not None or self.worth is None:
+            return self.held_out or ()
+        with _one_thread():
+            return self.worth.gains()
+
+    @cached_property
+    def sight(self) -> list[Sight]:
+        """What these set points and channels can see of every effect."""
+        with _one_thread():
+            return sight(self.refinery)
 
     @cached_property
     def next(self) -> list[NextMeasurement]:
@@ -114,7 +129,7 @@ class Diagnosis:
         return table
 
     def as_plain(self, model_file: str | None = None, *, ahead: bool = True) -> dict[str, Any]:
-        """The JSON answer, schema 1; without ``ahead`` nobody asks what to measure next."""
+        """The JSON answer, schema 1; without ``ahead`` nobody asks what causes are worth or what to measure next."""
         v = self.verdict
         return {
             "schema": 1,
@@ -129,7 +144,7 @@ class Diagnosis:
             | self._unexplained()
             | {"rows": [asdict(row) for row in self.alike]},
             "next": [n.as_plain() for n in self.next] if ahead else [],
-            "gain": self._gain(),
+            "gain": self._gain() if ahead else None,
             "model": model_file,
             "sight": [s.as_plain() for s in self.sight],
             "noise": {n.channel: n.as_plain() for n in self.noise},
@@ -190,10 +205,10 @@ def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Fit:
     return next((h.fit for h in hypotheses if set(verdict.stated) <= set(h.fit.effects)), hypotheses[0].fit)
 
 
-def _gains(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> tuple[Gain, ...]:
-    """What the stated causes are worth on blocks that were not fitted, next to the best without any of them."""
+def _worth(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> Worth | None:
+    """What the gain of the stated causes is asked of, next to the best without any of them; None with no cause."""
     if not verdict.stated:
-        return ()
+        return None
     wrong = (h.fit for h in hypotheses if h.fit.terms and set(verdict.stated).isdisjoint(h.fit.effects))
     readings = Readings(
         observations=setting.refinery.observations,
@@ -201,7 +216,7 @@ def _gains(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, see
         covariance=setting.covariance,
         leftover=setting.leftover_everywhere(),
     )
-    return held_out_gains(readings, _leading(hypotheses, verdict), next(wrong, None), seed)
+    return Worth(readings=readings, cause=_leading(hypotheses, verdict), rival=next(wrong, None), seed=seed)
 
 
 def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
@@ -329,10 +344,11 @@ def _diagnosed(
         agreement=alike[0].sigma if alike else 0.0,
         leftover=0.0 if nameless is None else nameless.size,
     )
-    if verdict.stated:
-        progress("holding out blocks")
     chosen, rivals = _leading(hypotheses, verdict), rivals_of(hypotheses, refinery)
-    gains, ahead = _at_the_end(setting, hypotheses, rivals, verdict, seed)
+    worth = _worth(setting, hypotheses, verdict, seed)
+    if worth is not None and processes > 1:
+        progress("holding out blocks")
+    held_out, ahead = _at_the_end(worth, rivals, refinery)
     return Diagnosis(
         verdict=verdict,
         observations=observations,
@@ -341,12 +357,11 @@ def _diagnosed(
         noise=noise,
         gap=gap(observations, refinery.residual),
         share={c.effect: share_of_gap(observations, refinery.residual, c.shift) for c in verdict.causes},
-        gains=gains,
+        worth=worth,
         rivals=rivals,
         refinery=refinery,
         unexplained=nameless if nameless is not None and nameless.likely else None,
         alike=[replace(c, row=measurements.rows[c.row]) for c in alike if c.sigma > BY_CHANCE],
-        sight=sight(refinery),
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,
         sigma=setting.sigma,
@@ -356,19 +371,21 @@ def _diagnosed(
             *(row | {"row": measurements.rows[row["row"]]} for row in (*rejected, *_outliers(setting))),
         ],
         rejected_columns=rejected_columns,
+        held_out=held_out,
         ahead=ahead,
     )
 
 
 def _at_the_end(
-    setting: Setting, hypotheses: list[Hypothesis], rivals: list[Rival], verdict: Verdict, seed: int
-) -> tuple[tuple[Gain, ...], list[NextMeasurement] | None]:
-    """What the stated causes are worth; at the same time what to measure next, where one process does for that."""
-    gains = partial(_gains, setting, hypotheses, verdict, seed)
-    refinery, o = setting.refinery, setting.refinery.observations
-    if o.processes < 2 or not (verdict.stated and len(rivals) > 1 and asks_again(refinery)):
-        return gains(), None
-    found, ahead = at_once(gains, partial(next_measurements, o, rivals, refinery=refinery))
+    worth: Worth | None, rivals: list[Rival], refinery: Refinery
+) -> tuple[tuple[Gain, ...] | None, list[NextMeasurement] | None]:
+    """What the stated causes are worth where processes share it, at the same time what one alone measures next."""
+    o = refinery.observations
+    if o.processes < 2 or worth is None:
+        return None, None
+    if len(rivals) < 2 or not asks_again(refinery):
+        return worth.gains(), None
+    found, ahead = at_once(worth.gains, partial(next_measurements, o, rivals, refinery=refinery))
     return found, ahead
 
 

@@ -61,6 +61,20 @@ class Gain:
         }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Worth:
+    """What gains are asked of: a cause on some readings, and the best wrong one."""
+
+    readings: Readings
+    cause: Fit
+    rival: Fit | None
+    seed: int
+
+    def gains(self) -> tuple[Gain, ...]:
+        """One for every kind of blocks, bands of power first."""
+        return held_out_gains(self.readings, self.cause, self.rival, self.seed)
+
+
 def _refitted(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bool_]) -> Array:
     """The fit's shift with its values fitted again on some readings (linear about the fit), at all readings."""
     if not fit.terms:

@@ -114,7 +114,7 @@ class Geometry:
             leftovers=leftovers,
             spreads_solved=whitener.solve(spreads.T).T,
             between_spreads=inner[:size, :size],
-            admitted={c.key: _admitted(c, inner, size) for c in leftovers.configurations},
+            admitted=_admitted(leftovers, inner, size),
             basis_by_blocks=_by_blocks(leftovers.basis, whitener.blocks),
         )
 
@@ -287,10 +287,20 @@ def _by_blocks(basis: Array, blocks: Sequence[Block]) -> tuple[tuple[Block, Rows
     return tuple(found)
 
 
-def _admitted(leftover: Leftover, inner: Array, size: int) -> _Admitted:
-    at, scale = size + leftover.columns, leftover.amplitude_W
-    root = np.asarray(
-        np.linalg.cholesky(np.eye(at.size) + scale**2 * inner[np.ix_(at, at)]), dtype=np.float64
-    )
-    log_det = 2 * float(np.sum(np.log(np.diag(root))))
-    return _Admitted(root=root, on_spreads=scale * inner[at, :size], log_det=log_det)
+def _admitted(leftovers: Leftovers, inner: Array, size: int) -> dict[tuple[str, float], _Admitted]:
+    """All leftovers let in, from products ``inner`` of so many spreads and the basis; shared columns are read once."""
+    shared: dict[int, list[Leftover]] = {}
+    for leftover in leftovers.configurations:
+        shared.setdefault(id(leftover.columns), []).append(leftover)
+    found = {}
+    for alike in shared.values():
+        at, scale = size + alike[0].columns, np.array([leftover.amplitude_W for leftover in alike])
+        between = scale[:, None, None] ** 2 * inner[at[:, None], at]
+        between[:, np.arange(at.size), np.arange(at.size)] += 1.0
+        roots, on_spreads = np.linalg.cholesky(between), inner[at, :size]
+        log_det = 2 * np.sum(np.log(np.diagonal(roots, axis1=1, axis2=2)), axis=1)
+        for k, leftover in enumerate(alike):
+            found[leftover.key] = _Admitted(
+                root=roots[k], on_spreads=scale[k] * on_spreads, log_det=float(log_det[k])
+            )
+    return found

@@ -85,10 +85,12 @@ def set_up(
 
 def _everyday(known: Signatures, geometry: Geometry) -> list[float]:
     """One sigma of each value that is fitted where nothing but the effect's own parts are off, each for itself."""
-    seen, found = geometry.project(np.stack([s.slope for s in known.effects]), basis=False), []
-    for k, signature in enumerate(known.effects):
-        own = known.own_spreads(signature.effect)
-        (squared, *along), *_ = geometry.products(geometry.with_spreads(seen.of([k]), own), own)[0]
+    seen = geometry.project(np.stack([s.slope for s in known.effects]), basis=False)
+    own = [known.own_spreads(s.effect) for s in known.effects]
+    each = [geometry.with_spreads(seen.of([k]), spreads) for k, spreads in enumerate(own)]
+    found = []
+    for (products,), _ in geometry.products_beside(each, own, [None]):
+        squared, *along = products[0]
         found.append(float(np.linalg.norm(along) / squared) if squared > 0.0 else 0.0)
     return found
 

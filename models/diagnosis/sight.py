@@ -44,9 +44,10 @@ def sight(refinery: Refinery) -> list[Sight]:
     geometry, known = refinery.geometry, refinery.known
     scaled = np.stack([s.slope * s.entry.headline.prior for s in known.effects])
     seen = geometry.project(scaled, basis=False)
-    for k, s in enumerate(known.effects):
-        products, _ = geometry.products(seen.of([k]), known.own_spreads(s.effect))
-        length = float(np.sqrt(max(products[0, 0], 0.0)))
+    own = [known.own_spreads(s.effect) for s in known.effects]
+    alone = geometry.products_beside([seen.of([k]) for k in range(len(own))], own, [None])
+    for k, (s, (products, _)) in enumerate(zip(known.effects, alone, strict=True)):
+        length = float(np.sqrt(max(products[0, 0, 0], 0.0)))
         if s.effect not in clearest or length > clearest[s.effect][1]:
             clearest[s.effect] = (k, length)
     names = list(clearest)
@@ -69,8 +70,8 @@ def _isolability(names: list[str], seen: Projection, refinery: Refinery) -> Arra
     """
     geometry, known = refinery.geometry, refinery.known
     apart = np.empty((len(names), len(names)))
-    for k, name in enumerate(names):
-        products, _ = geometry.products(seen, known.own_spreads(name))
+    own = [known.own_spreads(name) for name in names]
+    for k, ((products,), _) in enumerate(geometry.products_beside([seen] * len(names), own, [None])):
         length2 = np.maximum(np.diag(products), 1e-300)
         apart[k] = np.sqrt(np.maximum(length2[k] - products[k] ** 2 / length2, 0.0))
     return apart
