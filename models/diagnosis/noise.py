@@ -9,6 +9,7 @@ nothing at all is a share of the instrument's range.
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
@@ -21,7 +22,8 @@ _ON_THE_GRID = 1e-6  # of a step
 _FAR_OFF = 3.0  # sigmas
 _CLIPPED = 0.9733  # mean square of a normal deviate clipped at three
 _SCALES = (0.4, 4.0)  # of a channel's noise, as found from replicates or as assumed without
-_LEAST = 0.01  # of the rated power: below, noise is that of the range
+_HOLDS = 0.01  # of the rated power: as far as a load that was set once may wander
+_LEAST = 0.1  # of the rated power: below, noise is that of the range
 _NEEDED = 4  # differences below which replicates say nothing
 
 
@@ -54,11 +56,30 @@ class ChannelNoise:
 def _groups(observations: Observations) -> list[NDArray[np.intp]]:
     """Rows of the frame that share a set point, in time order, at least two each."""
     frame = observations.frame
-    power = frame["P_set_W"] if "P_set_W" in frame else frame["P2_W"].round(0)
-    keys = [frame["kind"].replace("reference", "load"), frame["D1"].round(6), frame["D2"].round(6), power]
+    keys = [frame["kind"].replace("reference", "load"), frame["D1"].round(6), frame["D2"].round(6)]
+    keys.append(frame["P_set_W"] if "P_set_W" in frame else _power_of(observations, keys))
     order = frame["time_s"] if "time_s" in frame else frame.index.to_series()
     grouped = frame.assign(_order=order).groupby(keys, dropna=False)
     return [g.sort_values("_order").index.to_numpy() for _, g in grouped if len(g) > 1]
+
+
+def _power_of(observations: Observations, keys: list[pd.Series]) -> pd.Series:
+    """The least power read of those of the same ``keys`` that a load which was set once could be read as.
+
+    A residual is taken at the power that was read: powers that are so near need not be the same.
+    """
+    power = observations.frame["P2_W"].fillna(0.0)
+    sets = power.groupby(keys, dropna=False)
+    return sets.transform(lambda of: _least_of(of, _HOLDS * observations.rated_W))
+
+
+def _least_of(power: pd.Series, span: float) -> pd.Series:
+    """Of each power the least of those within ``span`` of one another that it is among."""
+    least, found = -np.inf, {}
+    for place, value in power.sort_values().items():
+        least = value if value > least + span else least
+        found[place] = least
+    return pd.Series(found)
 
 
 def _differences(
@@ -75,7 +96,7 @@ def _differences(
 def scale_of(observations: Observations, name: str) -> Array:
     """What the noise of a channel is proportional to, per reading (M,); 1 where it is not proportional.
 
-    It falls no further below a hundredth of the rated power.
+    It falls no further below a tenth of the rated power.
     """
     if name not in _PROPORTIONAL:
         return np.ones(observations.value.size)

@@ -107,5 +107,17 @@ def test_noise_is_that_of_the_range_below_a_share_of_the_rated_power() -> None:
         {"D1": 0.9, "D2": 0.1, "P2_W": [10.0, 100.0, 1000.0], "P1_W": 1010.0, "kind": "load"}
     )
     ten_times = replace(prototype(), rated_power_W=20e3)
-    assert scale_of(observe(frame, prototype()), "efficiency").tolist() == [20.0, 100.0, 1000.0]
-    assert scale_of(observe(frame, ten_times), "efficiency").tolist() == [200.0, 200.0, 1000.0]
+    assert scale_of(observe(frame, prototype()), "efficiency").tolist() == [200.0, 200.0, 1000.0]
+    assert scale_of(observe(frame, ten_times), "efficiency").tolist() == [2000.0, 2000.0, 2000.0]
+
+
+def test_readings_of_a_load_that_wanders_are_replicates() -> None:
+    rng = np.random.default_rng(7)
+    power_W = np.tile(SET_POINTS, 15) * (1 + 1e-3 * np.clip(rng.standard_normal(60), -2.5, 2.5))
+    (noise,) = estimate_noise(loads(power_W), np.zeros(60))
+    assert noise.differences == 4 * 14  # of each set point, less one
+
+
+def test_a_sweep_over_power_has_no_replicates() -> None:
+    (noise,) = estimate_noise(loads(np.linspace(300.0, 1500.0, 50)), np.zeros(50))  # steps of 24 W
+    assert noise.differences == 0
