@@ -20,6 +20,7 @@ from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.extension import extended, interval
 from models.diagnosis.gain import Gain, Readings, Worth
 from models.diagnosis.gap import gap, share_of_gap
+from models.diagnosis.held import held
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
@@ -318,7 +319,12 @@ def _diagnosed(
         check_set_points(observations, baseline)
     observations, edge = observations.take(spare), observations.take(~spare)
     near = near or observations.reference(baseline)
-    wrong, rejected_columns = implausible(observations, observations.predicted(near))
+    expected = observations.predicted(near)
+    (wrong, whole_columns), (stuck, stretches) = (
+        implausible(observations, expected),
+        held(observations, expected, measurements.rows),
+    )
+    rejected_columns, wrong = [*whole_columns, *stretches], wrong | stuck
     observations, edge = (o.mistrusting(c.column for c in rejected_columns) for o in (observations, edge))
     known = signatures(observations, baseline, left_out, near=near)
     kept = known.finite() & ~wrong

@@ -24,3 +24,17 @@ def test_standby_that_scatters_is_not_something_over_time() -> None:
     found = diagnose(load_measurements(table))
     assert found.verdict.kind == "consistent"
     assert not [row for row in found.rejected if row["row"] > len(loaded)]  # each counts
+
+
+def test_a_sensor_that_stuck_on_the_way_tells_nothing_from_then_on() -> None:
+    frame = read(simulated_campaign(Model.baseline(), seed=134, count=40), seed=134)
+    order = np.random.default_rng(135).permutation(len(frame))
+    frame = frame.iloc[order].reset_index(drop=True).assign(time_s=180.0 * np.arange(len(frame)))
+    half = len(frame) // 2
+    frame["T_heatsink_C"] = frame["T_heatsink_C"].round(1)
+    frame.loc[half:, "T_heatsink_C"] = frame["T_heatsink_C"].max()
+    found = diagnose(load_measurements(frame))
+    assert found.verdict.kind == "consistent"
+    (left_out,) = found.rejected_columns
+    assert left_out.column == "T_heatsink_C"
+    assert f"from row {half + 1} to row {len(frame)}" in left_out.reason
