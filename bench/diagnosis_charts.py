@@ -48,11 +48,12 @@ def residual_maps(residuals: pd.DataFrame) -> go.Figure | None:
             figure.update_xaxes(title_text="D1 (half periods)", **place)
         if place["col"] == 1:
             figure.update_yaxes(title_text="D2 (half periods)", **place)
+    figure.update_annotations(font_size=13)
     bar = {"thickness": 14, "title": {"text": "measured −<br>simulated"}, "tickvals": [-1, 0, 1]}
     bar["ticktext"] = ["− range", "0", "+ range"]
     figure.update_layout(
-        height=110 + 310 * down,
-        margin=MARGIN,
+        height=134 + 310 * down,
+        margin=MARGIN | {"t": 80},  # the buttons of the figure stand above the first panels' names
         showlegend=False,
         coloraxis={"colorscale": DIFFERENCE, "cmin": -1.0, "cmax": 1.0, "colorbar": bar},
     )

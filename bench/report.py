@@ -30,8 +30,10 @@ from bench.wording import (
     points_text,
     probability_text,
     probable_causes,
+    suspected,
     unbroken,
     unexplained_text,
+    verdict_class,
     verdict_text,
 )
 from sim.effects.catalogue import effect
@@ -47,6 +49,7 @@ _BEHIND = {
     "gain over time": "what changes the analyzer's gain in the course of the campaign: its room, its warm-up",
 }  # a leftover's place: what of the bench is there
 _SWITCH_OFF = "Switch the bench off by hand and check it: power-off was not confirmed."
+NOT_YET = "Change nothing yet: the tolerances of parts and instruments may still explain what the simulation misses."
 AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
 STEPS_SHOWN = 3  # of what to measure next, among what to do
 ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
@@ -100,7 +103,7 @@ def environment() -> Environment:
         "points": lambda *said: minus(points_text(*said)), "per_cent": per_cent, "duration": duration,
         "words": effect_name, "counted": counted, "fixed": fixed,
         "parameter": lambda parameter: unbroken(parameter_text(parameter)),
-        "action": action_text, "probability": probability_text,
+        "action": action_text, "probability": probability_text, "verdict_class": verdict_class,
     }  # fmt: skip
     return made
 
@@ -225,7 +228,8 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     if diagnosis.get("model") and diagnosis.get("verdict") == "named" and not extension_worse(diagnosis):
         todo.append(f"Simulate with the extended model from now on: {diagnosis['model']}.")
     if diagnosis.get("verdict") == "consistent":
-        todo.insert(0, f"{AGREES} What follows would make sure." if todo else AGREES)
+        first = NOT_YET if suspected(diagnosis) else AGREES
+        todo.insert(0, f"{first} What follows would make sure." if todo else first)
     return todo
 
 

@@ -217,6 +217,28 @@ def probable_causes(diagnosis: Mapping[str, Any], least: float = SHOWN) -> list[
     return sorted(causes, key=lambda cause: -float(cause["probability"]))
 
 
+def suspected(diagnosis: Mapping[str, Any]) -> list[str]:
+    """Causes that are more probable than not, with their probabilities, the most probable first.
+
+    >>> suspected({"causes": [{"effect": "dead_time", "probability": 0.7}]})
+    ['dead time (70.0 %)']
+    """
+    return [
+        f"{effect_name(str(cause['effect']))} ({probability_text(float(cause['probability']))})"
+        for cause in probable_causes(diagnosis, 0.5)
+    ]
+
+
+def verdict_class(diagnosis: Mapping[str, Any]) -> str:
+    """What colours the box of a verdict: a suspect is no agreement.
+
+    >>> verdict_class({"verdict": "consistent", "causes": [{"effect": "dead_time", "probability": 0.7}]})
+    'suspected'
+    """
+    verdict = str(diagnosis.get("verdict", ""))
+    return "suspected" if verdict == "consistent" and suspected(diagnosis) else verdict
+
+
 def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     """What no cause of the catalogue explains: how probable, how large, where; empty where there is hardly anything.
 
@@ -246,8 +268,9 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> beside = {"verdict": "named", "unknown": {"probability": 0.8}}
     >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 1.0}]})
     'Cause named beside something unknown (80.0 %): dead time'
-    >>> verdict_text({"verdict": "consistent", "causes": [{"effect": "dead_time", "probability": 0.7}]})
-    'No cause is sure; the likeliest is dead time (70.0 %)'
+    >>> suspected = {"verdict": "consistent", "consistent": {"probability": 0.25}}
+    >>> verdict_text(suspected | {"causes": [{"effect": "dead_time", "probability": 0.7}]})
+    'Not sure: dead time (70.0 %) is suspected, or nothing is wrong (25.0 %)'
     >>> left_over = {"verdict": "unknown", "unknown": {"probability": 0.4}}
     >>> verdict_text(left_over | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
     'Something is wrong: dead time (60.0 %), or what no known cause explains'
@@ -266,12 +289,12 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
         return f"{first_said}: {join([effect_name(name) for name in named])}{beside}"
     if verdict == "group":
         return f"{f'Beside {unknown}, ' if unknown else ''}{tied}: these data cannot tell which"
-    first = next(iter(probable_causes(diagnosis, 0.5)), None)
-    likeliest = (
-        first and f"{effect_name(str(first['effect']))} ({probability_text(float(first['probability']))})"
-    )
-    if verdict == "consistent" and likeliest:
-        return f"No cause is sure; the likeliest is {likeliest}"
+    suspects = suspected(diagnosis)
+    likeliest = next(iter(suspects), "")
+    if verdict == "consistent" and suspects:
+        nothing = probability_text(float((diagnosis.get("consistent") or {}).get("probability", 0.0)))
+        are = "is" if len(suspects) == 1 else "are"
+        return f"Not sure: {join(suspects)} {are} suspected, or nothing is wrong ({nothing})"
     if verdict == "unknown" and likeliest and (diagnosis.get("unknown") or {}).get("probability", 1.0) < 0.5:
         return f"Something is wrong: {likeliest}, or what no known cause explains"
     sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]

@@ -22,6 +22,7 @@ POINTS = 100.0
 LOADS_W = (600.0, 1000.0, 1600.0)
 REACH, STEPS, QUICK_STEPS = 0.12, 7, 5
 BETTER_BAR, CALIBRATED_BAR = 0.08, 0.02
+SHORTEST = 0.025  # half periods: half as much again as the dead time, which may be as much longer in a lab
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,10 +105,10 @@ def around(one: Optimum, steps: int, *, wired: bool = False) -> list[Neighbourho
 
 
 def _lattice(D1: float, D2: float, power_W: float, steps: int) -> Array:
-    """The optimum, and neighbours inside the square whose zero states are absent or no shorter than the dead time."""
+    """The optimum, and neighbours inside the square whose zero states are absent or longer than any lab's dead time."""
     offsets = np.linspace(-REACH, REACH, steps)
     first, second = np.meshgrid(np.clip(D1 + offsets, 0, 1), np.clip(D2 + offsets, 0, 1), indexing="ij")
-    first, second = np.where(first > 0.983, 1.0, first), np.where(second < 0.017, 0.0, second)
+    first, second = np.where(first > 1 - SHORTEST, 1.0, first), np.where(second < SHORTEST, 0.0, second)
     rows = np.stack([first.ravel(), second.ravel(), np.full(first.size, power_W)], axis=1)
     return np.unique(np.concatenate([[[D1, D2, power_W]], rows]), axis=0)
 

@@ -6,7 +6,15 @@ from typing import Any
 
 from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 
-from bench.wording import effect_name, fixed, parameter_text, per_cent, points_text, probability_text
+from bench.wording import (
+    effect_name,
+    fixed,
+    parameter_text,
+    per_cent,
+    points_text,
+    probability_text,
+    verdict_class,
+)
 
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -24,6 +32,7 @@ _environment.filters |= {
     "words": effect_name,
     "fixed": fixed,
     "parameter": parameter_text,
+    "verdict_class": verdict_class,
 }
 
 

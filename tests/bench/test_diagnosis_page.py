@@ -100,6 +100,19 @@ def test_an_extension_that_predicts_worse_is_not_to_be_used(page: DiagnosisPage,
     assert "from now on" in written(page, tmp_path)
 
 
+def test_a_suspect_is_said_at_once_and_is_no_agreement(page: DiagnosisPage, tmp_path: Path) -> None:
+    open_ = {"verdict": "consistent", "unknown": {"probability": 0.0}, "consistent": {"probability": 0.3}}
+    text = written(
+        replace(page, diagnosis=ANSWER | open_ | {"causes": [CAUSE | {"probability": 0.7}]}), tmp_path
+    )
+    assert "Not sure: link resistance (70.0 %) is suspected, or nothing is wrong (30.0 %)" in text
+    assert '<section class="verdict suspected"' in text
+    assert "Change nothing yet" in text
+    sound = written(replace(page, diagnosis=ANSWER | open_ | {"causes": []}), tmp_path)
+    assert '<section class="verdict consistent"' in sound
+    assert "Nothing needs changing" in sound
+
+
 def test_a_virtual_lab_is_labelled(page: DiagnosisPage, tmp_path: Path) -> None:
     assert "VIRTUAL LAB" not in written(page, tmp_path)
     assert "VIRTUAL LAB" in written(replace(page, virtual=True), tmp_path)

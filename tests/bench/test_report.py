@@ -161,10 +161,10 @@ def test_actions_follow_the_verdict(data):
     step = {"action": "measure D1 = 0.7, D2 = 0.2, 500 W", "separates": ["dead_time"], "minutes": 4.0}
     asked = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": [step]}))
     assert asked[-1] == "Measure next: D1 = 0.7, D2 = 0.2, 500 W (about 4 min), to settle dead time."
-    agreed = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "consistent"}))
-    assert agreed[0].startswith("Nothing needs changing")
-    assert agreed[0].endswith("What follows would make sure.")
-    assert len(agreed) == 3
+    suspect = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "consistent"}))
+    assert suspect[0].startswith("Change nothing yet")
+    assert suspect[0].endswith("What follows would make sure.")
+    assert len(suspect) == 3
 
 
 def test_a_cause_as_large_as_is_searched_asks_for_the_model_first(data):
