@@ -1,6 +1,5 @@
 """``diagnose(measurements)``: what the simulation gets wrong, why, how sure, and what it is worth to know."""
 
-from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
@@ -22,6 +21,7 @@ from models.diagnosis.gain import Gain, Readings, Worth
 from models.diagnosis.gap import gap, share_of_gap
 from models.diagnosis.held import held
 from models.diagnosis.hypotheses import Fit
+from models.diagnosis.left_out import edge_rows, most_lost_before, outliers, rows_left_out
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
     NextMeasurement,
@@ -36,7 +36,7 @@ from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_se
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
-from models.diagnosis.signatures import first_looks, margin, signatures
+from models.diagnosis.signatures import first_looks, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge
 from sim.effects.catalogue import CATALOGUE, effect
@@ -47,7 +47,6 @@ Array = NDArray[np.float64]
 
 LEAST_ROWS = 12
 _CLIPPED = 3.0  # sigmas
-_OUTLIER = 6.0  # sigmas: one normal reading in a billion
 
 
 class TooFewPoints(ValueError):
@@ -220,43 +219,6 @@ def _worth(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, see
     return Worth(readings=readings, cause=_leading(hypotheses, verdict), rival=next(wrong, None), seed=seed)
 
 
-def _edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
-    """Places in the frame of rows of which no reading can be used, with the reason."""
-    lost = np.setdiff1d(whole.row, kept.row)
-    return [
-        {
-            "row": int(row),
-            "column": "P2_W",
-            "value": float(whole.frame.iloc[row]["P2_W"]),
-            "reason": f"within {100 * margin(whole):.0f} % of the most that D1 and D2 can carry, or above it: readings "
-            "answer there to everything at once, so nothing can be told apart",
-        }
-        for row in lost
-    ]
-
-
-def _left_out_before(measurements: Measurements) -> str:
-    """What the table lost before, and why most of it."""
-    if not measurements.rejected:
-        return ""
-    reason, count = Counter(row.reason for row in measurements.rejected).most_common(1)[0]
-    return f". {len(measurements.rejected)} rows were left out, {count} of them because: {reason}"
-
-
-def _outliers(setting: Setting) -> list[dict[str, Any]]:
-    """Single readings, by their places in the frame, that nothing smooth explains: they count for next to nothing."""
-    o = setting.refinery.observations
-    return [
-        {
-            "row": int(o.row[k]),
-            "column": o.channels[o.channel[k]].column,
-            "value": float(o.value[k]),
-            "reason": f"{setting.far_off[k]:.0f} sigma from what explains the other rows: it counts for nothing",
-        }
-        for k in np.flatnonzero(setting.far_off > _OUTLIER)
-    ]
-
-
 def _one_thread() -> threadpool_limits:
     """Of many small matrices a second thread only costs."""
     return threadpool_limits(limits=1, user_api="blas")
@@ -310,7 +272,7 @@ def _diagnosed(
     if int(observations.loaded.sum()) < LEAST_ROWS:
         raise TooFewPoints(
             f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
-            + _left_out_before(measurements)
+            + most_lost_before(measurements)
         )
     check_inputs(observations, baseline.converter)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
@@ -329,7 +291,6 @@ def _diagnosed(
     known = signatures(observations, baseline, left_out, near=near)
     kept = known.finite() & ~wrong
     observations, known = observations.take(kept).in_use(), known.take(kept)
-    rejected = _edge_rows(whole, observations)
     usable = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
     if usable < LEAST_ROWS:
         raise TooFewPoints(
@@ -372,10 +333,7 @@ def _diagnosed(
         leading=chosen,
         sigma=setting.sigma,
         edge=edge,
-        rejected=[
-            *map(_plain_row, measurements.rejected),
-            *(row | {"row": measurements.rows[row["row"]]} for row in (*rejected, *_outliers(setting))),
-        ],
+        rejected=rows_left_out(measurements, [*edge_rows(whole, observations), *outliers(setting)]),
         rejected_columns=rejected_columns,
         held_out=held_out,
         ahead=ahead,
@@ -403,7 +361,3 @@ def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:
     best = next(h.fit for h in hypotheses if h.leftover is None)
     sigmas = setting.sigma * setting.refinery.solved(best)
     return float(np.mean(np.minimum(sigmas**2, _CLIPPED**2)))
-
-
-def _plain_row(row: Any) -> dict[str, Any]:
-    return {"row": row.row, "column": row.column, "value": row.value, "reason": row.reason}
