@@ -38,7 +38,7 @@ from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
 from models.diagnosis.signatures import first_looks, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
-from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge
+from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge, telling_of
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
 from sim.side_by_side import at_once, kept
@@ -311,6 +311,8 @@ def _diagnosed(
         agreement=alike[0].sigma if alike else 0.0,
         leftover=0.0 if nameless is None else nameless.size,
     )
+    if nameless is not None:
+        verdict = telling_of(verdict, nameless)
     chosen, rivals = _leading(hypotheses, verdict), rivals_of(hypotheses, refinery)
     worth = _worth(setting, hypotheses, verdict, seed)
     if worth is not None and processes > 1:

@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 
 P_CONSISTENT, P_LEFTOVER = 0.5, 0.2
 P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
-_FURTHER = 3.0  # in log evidence, for each further cause: what the first one's law misses looks a little like another
 _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
 _SCREENED = 12  # combinations on tangents that are looked at closer
 _SHARPENED = 6  # that get slopes simulated at their values
@@ -53,7 +52,7 @@ def log_prior(fit: Fit, catalogue: int) -> float:
         return float(np.log(P_CONSISTENT))
     variants = math.prod(len(t.signature.entry.variants()) for t in fit.terms)
     ways = math.comb(catalogue, causes) * variants
-    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways) - _FURTHER * (causes - 1)
+    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways)
 
 
 def posterior(refinery: Refinery) -> list[Hypothesis]:
@@ -178,7 +177,9 @@ def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
     once = _best([*tried, *_about(refinery, nothing, known)])
     leader = max(nothing.log_evidence, once[0].log_evidence)
     near = [fit for fit in once if fit.log_evidence > hopeless(leader)]
-    chosen = [*near[:_FOLLOWED], *_significant(refinery, near[_FOLLOWED:])]
+    far = once[len(near) :]
+    promise = [fit for fit, w in zip(far, refinery.weighed_all(far), strict=True) if w.promised > leader]
+    chosen = [*near[:_FOLLOWED], *_significant(refinery, near[_FOLLOWED:]), *promise]
     names = {fit.effects for fit in chosen}
     if abs(nothing.log_evidence - straight) > _AS_PROMISED:
         nothing, *followed = refinery.followed([nothing, *chosen], leader)

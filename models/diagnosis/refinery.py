@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,10 +199,16 @@ class Refinery:
             best[_key(fit)] = max(best.get(_key(fit), fit), fit, key=lambda f: f.log_evidence)
         ahead = self._onward(list(best.values()), leader)
         for turn in range(_ROUNDS):
+            before = self.weighed_all([best[_key(fit)] for fit in ahead])
+            if turn:
+                behind = _BEHIND if turn == _LATE else _BEHIND_LATE
+                kept = [
+                    _in_reach(best[_key(f)], w, leader, behind) for f, w in zip(ahead, before, strict=True)
+                ]
+                ahead, before = list(compress(ahead, kept)), list(compress(before, kept))
             if not ahead:
                 break
             going = []
-            before = self.weighed_all([best[_key(fit)] for fit in ahead])
             for aimed, fit, there in zip(ahead, self.simulated(ahead), before, strict=True):
                 known = best[_key(fit)]
                 fit = _taught(fit, known, aimed, there.sigma)
@@ -215,9 +222,7 @@ class Refinery:
                     least = _WORTH_HALVING if little else _STILL
                     if np.any(np.abs(halved) > least * there.sigma):
                         going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
-            leader = max([leader, *(f.log_evidence for f in best.values())])
-            behind = _BEHIND if turn < _LATE else _BEHIND_LATE
-            ahead = [f for f in going if _in_reach(best[_key(f)], leader, behind)]
+            leader, ahead = max([leader, *(f.log_evidence for f in best.values())]), going
         return list(best.values())
 
     def _onward(self, fits: list[Fit], leader: float) -> list[Fit]:
@@ -225,16 +230,21 @@ class Refinery:
         moved = []
         for fit, weighed in zip(fits, self.weighed_all(fits), strict=True):
             still = bool(fit.terms) and bool(np.all(np.abs(weighed.step) <= _STILL * weighed.sigma))
-            if still or not _in_reach(fit, leader, _BEHIND):
+            if still or not _in_reach(fit, weighed, leader, _BEHIND):
                 continue
             reach = _REACH * np.array([t.head.prior for t in fit.terms])
             moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
         return moved
 
 
-def _in_reach(fit: Fit, leader: float, behind: float) -> bool:
-    """Whether a fit may catch up with the leader; steps of the spreads alone bring tens at once."""
-    return fit.log_evidence >= hopeless(leader, behind if fit.terms else _BEHIND_ALONE)
+def _in_reach(fit: Fit, weighed: Weighed, leader: float, behind: float) -> bool:
+    """Whether a fit may catch up with the leader: from near behind, or by what its slopes promise.
+
+    Steps of the spreads alone bring tens at once.
+    """
+    if fit.log_evidence >= hopeless(leader, behind if fit.terms else _BEHIND_ALONE):
+        return True
+    return bool(fit.terms) and weighed.promised > leader
 
 
 def hopeless(leader: float, behind: float = _BEHIND) -> float:

@@ -36,7 +36,8 @@ _MOST_TERMS = 2
 class Unexplained:
     """A leftover: its most probable place, root mean square in W at the input, formula, and how much that holds.
 
-    ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,); ``size`` its length in sigmas;
+    ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,), whose ``readings`` (n,) of the input power
+    show it; ``size`` its length in sigmas;
     ``probability`` that of any leftover.
     """
 
@@ -45,6 +46,7 @@ class Unexplained:
     formula: str
     explained: float
     rows: NDArray[np.intp]
+    readings: NDArray[np.intp]
     watts: Array
     size: float
     probability: float
@@ -67,7 +69,8 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
     pulled = refinery.solved(best.fit, best.leftover)
     at = observations.of("efficiency") & observations.loaded[observations.row]
     shift = geometry.leftovers.of(best.leftover, pulled)
-    rows, watts = observations.row[at], shift[at]
+    readings = np.flatnonzero(at)
+    rows, watts = observations.row[readings], shift[readings]
     formula, explained = shortest_formula(observations.points.take(rows), watts)
     return Unexplained(
         location=best.leftover.location,
@@ -75,6 +78,7 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
         formula=formula,
         explained=explained,
         rows=rows,
+        readings=readings,
         watts=watts,
         size=float(np.sqrt(geometry.project(shift[None]).each_other[0, 0])),
         probability=probability,

@@ -7,7 +7,7 @@ these data did not. ``unknown``: the residuals need a leftover more than any cau
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.leftover import GAIN_IN_TIME
+from models.diagnosis.unexplained import Unexplained
 from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
@@ -182,7 +183,8 @@ def judge(
 
     ``leftover`` is the length in sigmas of what is left over, where anything is. Where that is probable a cause is
     stated beside it only if its value is further from off, well above: what nobody has thought of looks a little
-    like something.
+    like something. What is sure and shorter than that is no cause beside a stated one: it is not listed, and the
+    leftover is said.
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed. Where readings that were taken for outliers
@@ -199,6 +201,7 @@ def judge(
     large = [c for c in causes if not alike and c.term.significance >= least * _above(c.term)]
     excluded = ordinary < 1 - SURE
     groups = _groups(large, hypotheses, whitener, excluded=excluded)
+    below = [c for c in causes if c.probability >= SURE and c.term.significance < least]
     tied_by_data = excluded and not groups
     if tied_by_data:
         groups = _left_open(large, [h for h in hypotheses if faint or h.leftover is None])
@@ -213,10 +216,12 @@ def judge(
     if kind == "unknown":  # whatever stands in the way of a name
         beyond = sum(h.probability for h in hypotheses if h.leftover is not None or _has_caught(h.fit))
     else:
-        beyond = 0.0 if faint or (groups and leftover < _FAINT_BESIDE) else beside
+        beyond = 0.0 if faint or (groups and not below and leftover < _FAINT_BESIDE) else beside
+    # beside a name, what is shorter than a leftover is a part of that
+    listed = [c for c in causes if not groups or c not in below]
     return Verdict(
         kind=kind,
-        causes=tuple(_with_ties(c, tied) for c in causes if c.probability >= _WORTH_A_WORD),
+        causes=tuple(_with_ties(c, tied) for c in listed if c.probability >= _WORTH_A_WORD),
         groups=tied,
         stated=named or tuple(group[0] for group in groups),
         consistent_probability=ordinary,
@@ -224,6 +229,19 @@ def judge(
         unknown_probability=beyond if fits and not alike else 1.0,
         left_open=tied_by_data and bool(groups),
     )
+
+
+def telling_of(verdict: Verdict, left: Unexplained) -> Verdict:
+    """The verdict, with what is ``left`` over said where it carries more watts than the stated causes together.
+
+    Few sigmas are most of the gap where little is known of a loss: in efficiency alone.
+    """
+    stated = [c.shift[left.readings] for c in verdict.causes if c.effect in verdict.stated]
+    if not (stated and left.likely) or left.size < _FAINT:
+        return verdict
+    if float(np.sum(left.watts**2)) <= float(np.sum(np.sum(stated, axis=0) ** 2)):
+        return verdict
+    return replace(verdict, unknown_probability=max(verdict.unknown_probability, left.probability))
 
 
 def _groups(

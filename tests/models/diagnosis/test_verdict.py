@@ -8,7 +8,8 @@ import pytest
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.leftover import Leftover
-from models.diagnosis.verdict import BY_CHANCE, Verdict, isolability, judge
+from models.diagnosis.unexplained import Unexplained
+from models.diagnosis.verdict import BY_CHANCE, Verdict, isolability, judge, telling_of
 from models.diagnosis.whitener import Whitener
 from sim.effects.catalogue import CATALOGUE
 from tests.models.diagnosis.fabricated import fit_of, joint_fit
@@ -251,3 +252,25 @@ def test_a_cause_smaller_than_even_a_faint_leftover_is_not_named() -> None:
     for leftover, kind in ((7.0, "named"), (9.0, "unknown")):
         assert judge([Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0)], WHITENER,
                      leftover=leftover).kind == kind  # fmt: skip
+
+
+def test_beside_a_name_a_cause_below_the_leftover_is_part_of_what_is_left() -> None:
+    fit = joint_fit({"skin_effect": ALONG, "link_resistance": ACROSS}, ALONG + ACROSS)
+    large = replace(fit.terms[0], value=3.0)  # 30 sigmas from off, the other one ten
+    fit = replace(fit, terms=(large, fit.terms[1]))
+    for leftover, listed, unknown in ((9.0, 2, 0.0), (10.5, 1, 1.0)):
+        verdict = judge([Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0)], WHITENER,
+                        leftover=leftover)  # fmt: skip
+        assert (len(verdict.causes), verdict.unknown_probability) == (listed, unknown)
+        assert verdict.causes[0].effect == verdict.stated[0] == "skin_effect"
+
+
+@pytest.mark.parametrize(("watts", "size", "said"), [(31.0, 6.0, 0.9), (29.0, 6.0, 0.0), (31.0, 4.0, 0.0)])
+def test_what_is_left_is_said_where_it_carries_more_watts_than_the_name(
+    watts: float, size: float, said: float
+) -> None:
+    named = judged(("leakage_inductance", ALONG, 0.0, 1.0))  # 30 W in the first reading
+    first = np.array([0])
+    left = Unexplained(location="input", rms_W=watts, formula="", explained=1.0, rows=first, readings=first,
+                       watts=np.array([watts]), size=size, probability=0.9)  # fmt: skip
+    assert telling_of(named, left).unknown_probability == said
