@@ -75,14 +75,15 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
         log[k] = log_prior(fit, catalogue)
         log[k] += shares
-        log[k] += [_last_word(w, c) for c, w in zip(leftovers, beside, strict=True)]
+        log[k, 0] += beside.log_evidence[0]  # as _last_word has it
+        log[k, 1:] += beside.promised[1:]
     probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
     counts = (probability > NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
     counts[:, 0] = True  # without leftover
     order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
     return [
         Hypothesis(
-            fit=_settled(fits[k], leftovers[c], weighed[k][c]),
+            fit=_settled(fits[k], leftovers[c], weighed[k].at(c)),
             leftover=leftovers[c],
             probability=float(probability[k, c]),
         )
@@ -215,13 +216,13 @@ def _fitted_lines(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
     bare, own = refinery.seen_bare(fits, basis=False), [fit.own(refinery.known) for fit in fits]
     moved, there = [], []
     here = weigh(fits, refinery.with_laws(fits, bare), refinery.geometry, own)
-    for fit, seen, (weighed,) in zip(fits, bare, here, strict=True):
+    for fit, seen, weighed in zip(fits, bare, here, strict=True):
         reach = _REACH * np.array([t.head.prior for t in fit.terms])
-        moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))
+        moved.append(fit.moved(np.clip(weighed.step[0], -reach, reach)))
         way = zip(moved[-1].terms, fit.terms, strict=True)
         there.append(seen.less(np.array([new.value - old.value for new, old in way])))
     last = weigh(moved, refinery.with_laws(moved, there), refinery.geometry, own)
-    return [replace(fit, log_evidence=w.log_evidence) for fit, (w,) in zip(moved, last, strict=True)]
+    return [replace(fit, log_evidence=w.at(0).log_evidence) for fit, w in zip(moved, last, strict=True)]
 
 
 def _best_variants(fits: list[Fit]) -> list[Fit]:
@@ -357,7 +358,7 @@ def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) 
         return []
     fits, parts = [fit for fit, _ in found], [part for _, part in found]
     weighed = weigh(fits, parts, refinery.geometry, [fit.own(refinery.known) for fit in fits])
-    best = sorted(range(len(fits)), key=lambda k: -weighed[k][0].promised)[:_SCREENED]
+    best = sorted(range(len(fits)), key=lambda k: -weighed[k].promised[0])[:_SCREENED]
     return _fitted_lines(refinery, [fits[k] for k in best])
 
 

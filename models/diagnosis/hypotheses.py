@@ -161,14 +161,33 @@ class Weighed:
     sigma: Array
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeighedBeside:
+    """The same of a fit beside each of L leftovers: both evidences (L,), steps and deviations (L, k)."""
+
+    log_evidence: Array
+    promised: Array
+    step: Array
+    sigma: Array
+
+    def at(self, place: int) -> Weighed:
+        """Beside one of them."""
+        return Weighed(
+            log_evidence=float(self.log_evidence[place]),
+            promised=float(self.promised[place]),
+            step=self.step[place],
+            sigma=self.sigma[place],
+        )
+
+
 def weigh(
     fits: Sequence[Fit],
     seen: Sequence[Projection],
     geometry: Geometry,
     own: Sequence[Rows],
     leftovers: Sequence[Leftover | None] = (None,),
-) -> list[list[Weighed]]:
-    """Laplace's evidence of every fit beside every leftover, one list a fit.
+) -> list[WeighedBeside]:
+    """Laplace's evidence of every fit beside every leftover.
 
     ``seen`` are the projections of ``fit.vectors(residual)``, then of its laws' columns.
     """
@@ -176,12 +195,12 @@ def weigh(
     alike: dict[tuple[int, int], list[int]] = {}
     for k, (fit, (inner, _)) in enumerate(zip(fits, products, strict=True)):
         alike.setdefault((len(fit.terms), inner.shape[-1]), []).append(k)
-    found: list[list[Weighed]] = [[] for _ in fits]
+    found: dict[int, WeighedBeside] = {}
     for members in alike.values():
         inner, log_det = (np.stack([products[k][part] for k in members]) for part in (0, 1))
-        for k, weighed in zip(members, _weighed([fits[k] for k in members], inner, log_det), strict=True):
-            found[k] = weighed
-    return found
+        weighed = _weighed([fits[k] for k in members], inner, log_det)
+        found |= zip(members, weighed, strict=True)
+    return [found[k] for k in range(len(fits))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,17 +228,14 @@ class _Values:
         return np.asarray((at_lower & (step < 0)) | (at_upper & (step > 0)))
 
 
-def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[list[Weighed]]:
+def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[WeighedBeside]:
     """The evidence of F fits of one size from products (F, L, n, n) under each covariance, and its ln det (F, L)."""
     size = len(fits[0].terms)
     inner, log_det = _law_let_in(inner, log_det, size + 1)
     bare = -0.5 * (inner[..., -1, -1] + log_det)
     if not size:
-        none = np.empty(0)
-        return [
-            [Weighed(log_evidence=b, promised=b, step=none, sigma=none) for b in each]
-            for each in bare.tolist()
-        ]
+        none = np.empty((bare.shape[1], 0))
+        return [WeighedBeside(log_evidence=b, promised=b, step=none, sigma=none) for b in bare]
     at, first = _Values.of(fits), np.array([sum(_inside_at_first(t.head) for t in fit.terms) for fit in fits])
     prior = at.prior
     scaled = prior[..., None] * inner[..., :size, :size] * prior[..., None, :] + np.eye(
@@ -236,11 +252,8 @@ def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[list[Wei
     promised, step = here + gained, np.where(held, 0.0, step)
     evidence = here + np.where(np.any(held, axis=2), gained, np.minimum(gained, _GAINED))
     return [
-        [
-            Weighed(log_evidence=e, promised=p, step=step[f, k], sigma=sigma[f, k])
-            for k, (e, p) in enumerate(zip(each, hoped, strict=True))
-        ]
-        for f, (each, hoped) in enumerate(zip(evidence.tolist(), promised.tolist(), strict=True))
+        WeighedBeside(log_evidence=e, promised=p, step=s, sigma=d)
+        for e, p, s, d in zip(evidence, promised, step, sigma, strict=True)
     ]
 
 

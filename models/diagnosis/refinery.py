@@ -110,7 +110,7 @@ class Refinery:
     def weighed_all(self, fits: Sequence[Fit]) -> list[Weighed]:
         """The evidence of every fit as it stands, in one look at the readings."""
         seen, own = self.seen(fits, basis=False), [fit.own(self.known) for fit in fits]
-        return [alone for (alone,) in weigh(fits, seen, self.geometry, own)] if fits else []
+        return [weighed.at(0) for weighed in weigh(fits, seen, self.geometry, own)] if fits else []
 
     def spreads(self, fit: Fit) -> Array:
         """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
