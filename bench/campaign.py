@@ -48,12 +48,17 @@ OpenBench = Callable[[BenchConfig, Clock], AbstractContextManager[Bench]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
-    """How to reach the bench, how to switch it off when nobody runs it, what day it is, where long work is done."""
+    """How to reach the bench, how to switch it off when nobody runs it, what day it is, where long work is done.
+
+    ``listens`` tells whether the operator may have asked for something since: on a clock that runs ahead of him, not at
+    each of its seconds.
+    """
 
     connect: OpenBench = open_bench
     make_safe: Callable[[BenchConfig, Clock], PowerOffReport] = switch_off_leftovers
     today: Callable[[], datetime] = datetime.now
     think: Think = beside
+    listens: Callable[[], bool] = lambda: True
 
 
 REAL = Surroundings()
@@ -349,7 +354,7 @@ class _Run:
 
     def _attend(self) -> None:
         """Look for the operator's request; raises Aborted when it is to stop."""
-        if self.clock.now() - self.asked_s < ASK_EVERY_S:
+        if self.clock.now() - self.asked_s < ASK_EVERY_S or not self.around.listens():
             return
         self.asked_s = self.clock.now()
         self.request = self.store.asked(self.id)
