@@ -25,7 +25,8 @@ _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are follow
 _SCREENED = 12  # combinations on tangents that are looked at closer
 _SHARPENED = 6  # that get slopes simulated at their values
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
-_IN_REACH = 6.0  # in log probability: a larger hypothesis on its tangents that is worth a simulation
+_IN_REACH = 6.0  # in log probability: a hypothesis that is worth slopes of its own
+_LARGER_IN_REACH = 3.0  # the same with one cause more, and on its tangents: worth a simulation
 _SIGNIFICANT = 3.0  # standard deviations
 _AS_PROMISED = 2.0  # in log evidence: nothing that was simulated so near its tangent has no more to gain
 _LIKELY_NOTHING = 1.0  # in log evidence: how far behind nothing
@@ -141,9 +142,14 @@ def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
     """All fits, those in reach of the best with slopes of their own, and at the values that these lead to."""
     catalogue = len({s.effect for s in refinery.known.effects})
     probability = {id(f): f.log_evidence + log_prior(f, catalogue) for f in fits}
-    least = max(probability.values()) - _IN_REACH
+    first = max(fits, key=lambda f: probability[id(f)])
+
+    def in_reach(fit: Fit) -> bool:
+        reach = _LARGER_IN_REACH if len(fit.terms) > len(first.terms) else _IN_REACH
+        return probability[id(fit)] > probability[id(first)] - reach
+
     order = sorted((f for f in fits if f.terms), key=lambda f: -probability[id(f)])
-    leading = [f for f in order if probability[id(f)] > least][:_SHARPENED]
+    leading = [f for f in order if in_reach(f)][:_SHARPENED]
     if not leading:
         return fits
     ids = {id(f) for f in leading}
@@ -301,7 +307,7 @@ def _larger(
     for fit in _sorted(base)[:_TO_EXTEND]:
         candidates += _on_tangents(refinery, fit, [(t,) for t in terms])
     candidates = [replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates]
-    candidates = [f for f in candidates if log_probability(f) > leading - _IN_REACH]
+    candidates = [f for f in candidates if log_probability(f) > leading - _LARGER_IN_REACH]
     chosen = _best(candidates)[:most]
     if not chosen:
         return []
