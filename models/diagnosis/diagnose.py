@@ -351,8 +351,9 @@ def _at_the_end(
         return None, None
     if len(rivals) < 2 or not asks_again(refinery):
         return worth.gains(), None
-    found, ahead = at_once(worth.gains, partial(next_measurements, o, rivals, refinery=refinery))
-    return found, ahead
+    # what to measure next stays here: the refinery is twenty times as long to send as what gains are asked of
+    ahead, held_out = at_once(partial(next_measurements, o, rivals, refinery=refinery), worth.gains)
+    return held_out, ahead
 
 
 def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:

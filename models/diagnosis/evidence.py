@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
+from models.diagnosis.hypotheses import Fit, Term, Weighed, evidence_of, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery, hopeless
 from models.diagnosis.signatures import Signature, step_of
@@ -347,23 +347,20 @@ def _term(signature: Signature) -> Term:
 
 
 def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) -> list[Fit]:
-    """The best fits with some terms more than a simulated one, on straight lines from its state."""
+    """The best fits with some terms more, as many for each, than a simulated one, on straight lines from its state."""
     sets = [chosen for chosen in more if _are_new(chosen, base)]
+    if not sets:
+        return []
     terms = {id(t): t for chosen in sets for t in chosen}
     place, off = {key: k for k, key in enumerate(terms)}, {key: t.at(t.head.off) for key, t in terms.items()}
     *slopes, left = base.vectors(refinery.residual)
     vectors = np.stack([*slopes, *(t.slope for t in terms.values()), left])
     seen = refinery.geometry.project(vectors, basis=False).with_directions(vectors, refinery.law(base))
     ends = list(range(len(vectors) - 1, len(seen.each_other)))  # what is left, then the laws' columns
-    found = []
-    for chosen in sets:
-        part = seen.of([*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends])
-        fit = replace(base, terms=(*base.terms, *(off[id(t)] for t in chosen)))
-        found.append((fit, part))
-    if not found:
-        return []
-    fits, parts = [fit for fit, _ in found], [part for _, part in found]
-    weighed = weigh(fits, parts, refinery.geometry, [fit.own(refinery.known) for fit in fits])
+    fits = [replace(base, terms=(*base.terms, *(off[id(t)] for t in chosen))) for chosen in sets]
+    parts = [[*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends] for chosen in sets]
+    own = [fit.own(refinery.known) for fit in fits]
+    weighed = evidence_of(fits, refinery.geometry.products_among(seen, np.array(parts), own))
     best = sorted(range(len(fits)), key=lambda k: -weighed[k].promised[0])[:_SCREENED]
     return _fitted_lines(refinery, [fits[k] for k in best])
 

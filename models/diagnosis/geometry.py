@@ -209,6 +209,24 @@ class Geometry:
                 found[n] = own_products, outside[:, o], between[:, o[:, None], o]
         return [_taken_out(*parts, log_det) for parts in found] if count > 1 else _once(found, log_det)
 
+    def products_among(
+        self, seen: Projection, chosen: Rows, own: Sequence[Rows]
+    ) -> list[tuple[Array, Array]]:
+        """The same of many choices (S, k) among vectors seen once, beside no leftover."""
+        alike: dict[int, list[int]] = {}
+        for n, spreads in enumerate(own):
+            alike.setdefault(spreads.size, []).append(n)
+        found = [(seen.each_other, np.zeros(1))] * len(own)
+        for members in alike.values():
+            at, spreads = chosen[members], np.stack([own[n] for n in members])
+            inner = seen.each_other[at[:, :, None], at[:, None, :]]
+            outside = seen.on_spreads[spreads[:, :, None], at[:, None, :]]
+            inside = self.between_spreads[spreads[:, :, None], spreads[:, None, :]]
+            products, log_dets = _taken_out(inner, outside, inside, np.zeros(len(members)))
+            for n, product, log_det in zip(members, products, log_dets, strict=True):
+                found[n] = product[None], log_det[None]
+        return found
+
     def solve(self, vectors: Array, own: Rows, leftover: Leftover | None = None) -> Array:
         """``C'^-1`` of vectors (k, M), without the spreads ``own``, with a leftover."""
         solved = np.concatenate([self.whitener.solve(vectors.T).T, self.spreads_solved[own]])

@@ -191,7 +191,11 @@ def weigh(
 
     ``seen`` are the projections of ``fit.vectors(residual)``, then of its laws' columns.
     """
-    products = geometry.products_beside(seen, own, leftovers)
+    return evidence_of(fits, geometry.products_beside(seen, own, leftovers))
+
+
+def evidence_of(fits: Sequence[Fit], products: Sequence[tuple[Array, Array]]) -> list[WeighedBeside]:
+    """The same from products (L, n, n) of each fit's vectors under L covariances, and their ln det (L,)."""
     alike: dict[tuple[int, int], list[int]] = {}
     for k, (fit, (inner, _)) in enumerate(zip(fits, products, strict=True)):
         alike.setdefault((len(fit.terms), inner.shape[-1]), []).append(k)

@@ -58,3 +58,12 @@ def test_vectors_less_others_and_spreads_beside_them_are_as_projected() -> None:
     found = GEOMETRY.with_spreads(seen, OWN)
     np.testing.assert_allclose(found.each_other, expected.each_other, rtol=1e-9, atol=1e-12)  # rounding
     np.testing.assert_allclose(found.on_spreads, expected.on_spreads, rtol=1e-9, atol=1e-12)  # rounding
+
+
+def test_choices_among_vectors_have_the_products_of_each_alone() -> None:
+    seen = GEOMETRY.project(VECTORS, basis=False)
+    choices, own = np.array([[0, 2], [1, 2], [0, 1]]), [OWN, NOBODY, OWN[:1]]
+    for found, chosen, spreads in zip(GEOMETRY.products_among(seen, choices, own), choices, own, strict=True):
+        products, log_det = GEOMETRY.products(seen.of(chosen), spreads)
+        np.testing.assert_allclose(found[0][0], products, rtol=1e-12)  # rounding
+        assert found[1][0] == pytest.approx(log_det, abs=1e-12)
