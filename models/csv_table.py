@@ -17,8 +17,14 @@ _SEPARATED = (
     "columns are separated by ',' with '.' as decimal sign, or by ';' or tab with either decimal sign"
 )
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_IN_SPACES = re.compile(
+    r"[+-]?[1-9]\d{0,2}([\s'\u2019]\d{3})+([.,]\d*)?"
+)  # thousands apart: 1 406,8 or 1'406.8
+_IN_POINTS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d*")  # 1.406,8
+_IN_COMMAS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # 1,406.8, and 1,406 beside it
 _DECIMAL_POINT = re.compile(r"[+-]?[\d,]*\.\d*([eE][+-]?\d+)?")  # not a date, 20.11.2026
 _COMMENT = "#"
+_RUNS_ON = 5  # lines: no value of a measurement is so long
 _MINUS = "\N{MINUS SIGN}"  # what word processors and some locales write before a number
 _WORKBOOK = b"PK\x03\x04"
 
@@ -41,12 +47,12 @@ def read_csv(path: Path, numeric: Collection[str]) -> CsvTable:
 
     Empty lines, and lines before the header that begin with ``#``, are no rows. The separator is the one that cuts the
     header into most columns, the comma of equals. A comma in a numeric column is the decimal sign, unless some number
-    there has a point.
+    there has a point. Thousands may stand apart: by spaces, apostrophes, or the sign that is not the decimal one.
 
     Raises
     ------
     CsvError
-        The file is no text, or a line has more values than the header has columns.
+        The file is no text, a quotation mark is not closed, or a line has more values than the header has columns.
     """
     text = _decoded(path)
     begin, header_line = _beginning(text)
@@ -107,9 +113,9 @@ def _separator(header: str) -> str:
 
 def _filled(lines: Iterator[list[str]], header: list[str], skipped: int) -> Iterator[tuple[int, list[str]]]:
     """Lines that hold anything, where they stand, without what is empty beyond the header's last column."""
-    reader = iter(lines)
+    reader, place = iter(lines), skipped + 1
     for values in reader:
-        place = skipped + reader.line_num  # type: ignore[attr-defined]
+        begins, place = place + 1, skipped + reader.line_num  # type: ignore[attr-defined]
         stripped = [value.strip() for value in values]
         while len(stripped) > len(header) and not stripped[-1]:
             stripped.pop()
@@ -117,6 +123,11 @@ def _filled(lines: Iterator[list[str]], header: list[str], skipped: int) -> Iter
             raise CsvError(
                 f"line {place} has {len(stripped)} values for {len(header)} columns, the header being line "
                 f"{skipped + 1}; {_SEPARATED}"
+            )
+        if place - begins >= _RUNS_ON:
+            raise CsvError(
+                f"line {begins}: a quotation mark opens a value that runs on to line {place}; is it closed? Values are "
+                "quoted as a whole, or not at all"
             )
         if any(stripped):
             yield place, stripped
@@ -136,17 +147,36 @@ def _convert(frame: pd.DataFrame, numeric: Collection[str]) -> None:
     once = [column for column in frame.columns if list(frame.columns).count(column) == 1]
     numbers = [column for column in once if column in numeric]
     for column in numbers:
-        frame[column] = [v.replace(_MINUS, "-") if isinstance(v, str) else None for v in frame[column]]
-    if not any(_DECIMAL_POINT.fullmatch(value) for column in numbers for value in frame[column].dropna()):
-        for column in numbers:
-            frame[column] = _with_point(frame[column])
+        frame[column] = [
+            _joined(v.replace(_MINUS, "-")) if isinstance(v, str) else None for v in frame[column]
+        ]
+    found = [value for column in numbers for value in frame[column].dropna()]
+    points = any(_DECIMAL_POINT.fullmatch(value) for value in found)
+    grouped = points and any("." in value and _IN_COMMAS.fullmatch(value) for value in found)
+    for column in numbers:
+        if grouped:
+            frame[column] = _rewritten(frame[column], _IN_COMMAS, "")
+        elif not points:
+            frame[column] = _rewritten(frame[column], _DECIMAL_COMMA, ".")
     for column in once:
         if column not in numeric:
             frame[column] = _inferred(frame[column])
 
 
-def _with_point(column: Iterable[str | None]) -> list[str | None]:
-    return [v.replace(",", ".") if isinstance(v, str) and _DECIMAL_COMMA.fullmatch(v) else v for v in column]
+def _joined(value: str) -> str:
+    """A number whose thousands stand apart by what is no decimal sign, in one piece.
+
+    >>> _joined("1 406,82"), _joined("1'406.82"), _joined("1.406,82"), _joined("29.03.2026")
+    ('1406,82', '1406.82', '1406,82', '29.03.2026')
+    """
+    if _IN_SPACES.fullmatch(value):
+        return re.sub(r"[\s'\u2019]", "", value)
+    return value.replace(".", "") if _IN_POINTS.fullmatch(value) else value
+
+
+def _rewritten(column: Iterable[str | None], form: re.Pattern[str], comma: str) -> list[str | None]:
+    """The column, with something else for the commas of numbers of that form."""
+    return [v.replace(",", comma) if isinstance(v, str) and form.fullmatch(v) else v for v in column]
 
 
 def _inferred(column: pd.Series) -> pd.Series:

@@ -23,6 +23,7 @@ from models.screening import (
     OPTIONAL_COLUMNS,
     RejectedRow,
     complete,
+    kinds,
     numbers,
     screen,
 )
@@ -135,12 +136,7 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
             f"{name}: column {twice[0]!r} is there {there.count(twice[0])} times; once is allowed"
         )
     missing = [column for column in SET_POINT if column not in there]
-    if (
-        "kind" in there
-        and len(raw)
-        and not raw["kind"].isin(LOADED_KINDS).any()
-        and raw["kind"].notna().all()
-    ):
+    if "kind" in there and len(raw) and not kinds(raw["kind"]).isin(LOADED_KINDS).any():
         missing = []  # standby and no-load alone
     if "P1_W" not in there and "efficiency" not in there:
         missing.append("P1_W")

@@ -110,7 +110,7 @@ def converting(said: str, names: Sequence[OtherName]) -> str:
     """
     for name in names:
         ours = re.escape(name.ours)
-        option = re.search(rf"{ours}={ours}\*([\d.]+)", said)
+        option = re.search(rf"{ours}={ours}\*(-?[\d.]+)", said)
         if option:
             typed = f'"{name.ours}={name.theirs}*{name.factor * float(option[1]):g}"'
             said = said.replace(option[0], typed)

@@ -83,7 +83,12 @@ CHECKS = (
         "P1_W", "neither P1_W nor efficiency is a number", lambda f: f["P1_W"].isna() & f["efficiency"].isna()
     ),
     *(Check(column, _half_period(column), _outside_unit(column)) for column in ("D1", "D2")),
-    Check("P2_W", "not above 0 W: a loaded point delivers power to the output", lambda f: f["P2_W"] <= 0),
+    Check(
+        "P2_W",
+        "not above 0 W: a loaded point delivers power to the output; if it counts the other way, "
+        f"{_in_factor('P2_W', '-1')}",
+        lambda f: f["P2_W"] <= 0,
+    ),
     Check(
         "P2_W",
         f"below 10 W: this looks like kilowatts; powers are in W, and {_in_factor('P2_W', '1000')}, P1_W alike",
@@ -129,8 +134,14 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
         if column in raw and column in OPTIONAL_COLUMNS:
             notes += _blank(frame, raw, column)
     kind = raw["kind"] if "kind" in raw else pd.Series("load", index=raw.index)
-    frame["kind"] = kind.astype(object).where(kind.notna(), "load").astype(str).str.strip()
+    frame["kind"] = kinds(kind)
     return frame, tuple(notes)
+
+
+def kinds(given: pd.Series) -> pd.Series:
+    """Kinds of rows as they are named here, from ``No load`` or ``no-load`` too; load where nothing is said."""
+    said = given.astype(object).where(given.notna(), "load").astype(str).str.strip()
+    return said.str.lower().str.replace(r"[\s-]+", "_", regex=True)
 
 
 def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:

@@ -261,10 +261,41 @@ def test_a_table_says_itself_that_its_lab_is_virtual():
 
 
 def test_a_comma_beside_points_is_no_decimal_sign(tmp_path):
-    """1,200.5 is a thousand and more to its writer: it is left out rather than guessed."""
-    (tmp_path / "m.csv").write_text("D1;D2;P2_W;P1_W\n0.8;0.2;600;612\n0.8;0.2;1,200.5;1,224\n")
+    """1,224 is a thousand and more, or little more than one: it is left out rather than guessed."""
+    (tmp_path / "m.csv").write_text("D1;D2;P2_W;P1_W\n0.8;0.2;600;612\n0.8;0.2;1,200;1,224\n")
     result = load_measurements(tmp_path / "m.csv")
-    assert [(row.row, row.column, row.value) for row in result.rejected] == [(2, "P2_W", "1,200.5")]
+    assert [(row.row, row.column, row.value) for row in result.rejected] == [(2, "P2_W", "1,200")]
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "0,8;0,2;1 200,5;1 224\n0,7;0,2;600;612\n",
+        "0,8;0,2;1\N{NARROW NO-BREAK SPACE}200,5;1\N{NO-BREAK SPACE}224\n0,7;0,2;600;612\n",
+        "0.8;0.2;1'200.5;1\N{RIGHT SINGLE QUOTATION MARK}224\n0.7;0.2;600;612\n",
+        "0,8;0,2;1.200,5;1.224,0\n0,7;0,2;600;612\n",
+        "0.8;0.2;1,200.5;1,224\n0.7;0.2;600;612\n",
+    ],
+)
+def test_thousands_that_stand_apart_are_one_number(tmp_path, rows):
+    """Else every row of more than a kilowatt would be left out."""
+    (tmp_path / "m.csv").write_text(f"D1;D2;P2_W;P1_W\n{rows}", encoding="utf-8")
+    frame = load_measurements(tmp_path / "m.csv").frame
+    assert frame[["D1", "P2_W", "P1_W"]].to_numpy().tolist() == [[0.8, 1200.5, 1224.0], [0.7, 600.0, 612.0]]
+
+
+def test_a_quotation_mark_that_is_not_closed_is_told_with_its_line(tmp_path):
+    rows = "".join(f"0.8,0.2,{power},{1.02 * power}\n" for power in range(600, 1400, 100))
+    (tmp_path / "m.csv").write_text(f'D1,D2,P2_W,P1_W\n0.8,0.2,500,510\n"{rows}')
+    with pytest.raises(DatasetError, match="line 3: a quotation mark opens a value that runs on to line 10"):
+        load_measurements(tmp_path / "m.csv")
+
+
+def test_kinds_are_read_however_they_are_written():
+    frame = load_measurements(
+        table({"kind": "Load"}, {"kind": "No load "}, {"kind": "no-load", "D1": 0.7})
+    ).frame
+    assert frame["kind"].tolist() == ["load", "no_load", "no_load"]
 
 
 def test_a_table_in_a_western_code_page_is_read(tmp_path):
