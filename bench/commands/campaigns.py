@@ -13,7 +13,7 @@ from bench.commands.measurements import read_measurements
 from bench.commands.options import Database
 from bench.commands.streams import out, stamp
 from bench.errors import InputError, StateError
-from bench.imported import import_config
+from bench.imported import import_config, left_out_by_import, left_out_text
 from bench.plan import most_rows
 from bench.states import STOPPED, State
 from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_url
@@ -59,6 +59,8 @@ def status(campaign_id: Maybe = None, db: Database = None) -> None:
     most = most_rows(row["config"]) if row["shown"] is not State.DONE else None
     grows = f"; more are chosen as it goes, {most} in all at most" if most else ""
     out.print(f"{row['accepted']} of {row['planned']} rows accepted, {row['rejected']} rejected{grows}")
+    if before := left_out_text(left_out_by_import(row["config"])):
+        out.print(escape(before))
     for event in told:
         out.print(escape(f"{event['event']}: {event['detail']}"))
     for label, key in (("bench", "power_off"), ("stopped by", "error"), ("asked to", "request")):

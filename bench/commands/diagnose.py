@@ -16,7 +16,7 @@ from bench.commands.options import Database, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
-from bench.imported import left_out_by_import
+from bench.imported import left_out_by_import, left_out_text
 from bench.model_file import model_from, write_model
 from bench.report import first_questions
 from bench.table_file import write_table
@@ -190,10 +190,7 @@ def tell(plain: dict[str, Any]) -> None:
     if plain["rejected_rows"]:
         rows = counted(len({row["row"] for row in plain["rejected_rows"]}), "row")
         out.print(f"all or some readings of {rows} left out; the reasons are in diagnosis.json")
-    if before := plain.get("left_out_by_import"):
-        rows = counted(len(before["rows"]), "row")
-        out.print(
-            escape(f"{rows} of {before['file']} left out by its import; the reasons are in diagnosis.json")
-        )
+    if before := left_out_text(plain):
+        out.print(escape(f"{before}; the reasons are in diagnosis.json"))
     for column in plain["rejected_columns"]:
         out.print(escape(f"column {column['column']} left out: {column['reason']}"))

@@ -166,17 +166,17 @@ def test_many_rows_left_out_do_not_flood_the_screen(capsys: pytest.CaptureFixtur
     assert "and 40 rows more left out" in said
 
 
-def test_what_an_import_left_out_stays_with_its_campaign() -> None:
+def test_what_an_import_left_out_stays_with_its_campaign(capsys: pytest.CaptureFixture[str]) -> None:
     table = pd.read_csv(measured_table())
     table.loc[3, "D1"] = 90.0
     table.to_csv("per_cent.csv", index=False)
     assert d2ea("import", "per_cent.csv") == 0
     with Store(database_url(None)) as store:
         kept = left_out_by_import(store.campaign(1)["config"])["left_out_by_import"]
-    assert kept["file"] == "per_cent.csv"
-    assert [(row["row"], row["line"], row["column"], row["value"]) for row in kept["rows"]] == [
-        (4, 5, "D1", "90.0")
-    ]
+    (row,) = kept["rows"]
+    assert (row["row"], row["line"], row["column"], row["value"]) == (4, 5, "D1", "90.0")
+    assert d2ea("status") == 0
+    assert "1 row of per_cent.csv left out by its import" in capsys.readouterr().out
 
 
 def test_export_of_an_unknown_campaign_or_ending_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
