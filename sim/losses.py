@@ -141,10 +141,7 @@ class _Step:
         return law.at(current_A=self.turn_on_A, junction_C=self.t.junction_C[kind]) * self.step_V
 
     def _missing_J(self) -> Quantity:
-        """Hard switching of the rest of the swing."""
-        charging = [self.scheme.devices[k].capacitance for k in self.transition.charging]
-        discharging = [self.scheme.devices[k].capacitance for k in self.transition.discharging]
-        return residual_energy(charging, discharging, self.step_V, self.missing)
+        return _missing_J(self.scheme, self.transition, self.step_V, self.missing)
 
     def _diode_J(self, kind: str, charge_C: Array, current_A: Array) -> Array:
         """What a diode loses in the dead time beyond the path that the waveform counts."""
@@ -152,6 +149,18 @@ class _Step:
         diode_V, diode_R = switch.reverse.at(junction_C)
         path_V, path_R = switch.backward.at(junction_C)
         return np.asarray(charge_C * (diode_V - path_V + (diode_R - path_R) * current_A))
+
+
+def _missing_J(scheme: Scheme, transition: Transition, step_V: Quantity, missing: Quantity) -> Quantity:
+    """Hard switching of the rest of the swing."""
+    charging = [scheme.devices[k].capacitance for k in transition.charging]
+    discharging = [scheme.devices[k].capacitance for k in transition.discharging]
+    return residual_energy(charging, discharging, step_V, missing)
+
+
+def _missing_at(missing: Array, place: int, count: int) -> Array:
+    """Share of its own swing that one transition of an edge with so many misses: the last one misses first."""
+    return np.clip(count * missing - (count - 1 - place), 0.0, 1.0)
 
 
 def _bridge_losses(
@@ -162,7 +171,7 @@ def _bridge_losses(
     for k, transitions in enumerate((scheme.first, scheme.second)):
         edge, count = commutation.edge(k), len(transitions)
         for place, transition in enumerate(transitions):
-            missing = np.clip(count * edge.missing - (count - 1 - place), 0.0, 1.0)
+            missing = _missing_at(edge.missing, place, count)
             share = np.where(edge.missing > 0, missing / np.where(edge.missing > 0, edge.missing, 1.0), 1.0)
             step = _Step(
                 scheme=scheme, transition=transition, t=t, commutation=edge, missing=missing,
@@ -186,3 +195,28 @@ def switching_losses(
         energies = _bridge_losses(scheme, t, orbit.commutation.edge(slice(first, first + 2)), link_V)
         lost |= {switching_part(k, scheme.devices[k]): rate * energy for k, energy in energies.items()}
     return lost
+
+
+def missing_losses(converter: Converter, missing: Array, V1_V: Array, V2_V: Array) -> Array:
+    """What the charge alone costs in W where switches close on the rest of a swing, by edge, (4, N).
+
+    ``missing`` (4, N) is the share of its swing that each edge misses, in the order of
+    :data:`~sim.modulation.EDGES`; recovery and the energy of the turn-on itself come on top.
+
+    >>> from sim.prototype import prototype
+    >>> soft, cut_short, hard = np.zeros((4, 1)), np.full((4, 1), 0.5), np.ones((4, 1))
+    >>> [missing_losses(prototype(), m, 300.0, 140.0)[2, 0].round(2).item() for m in (soft, cut_short, hard)]
+    [0.0, 0.09, 0.44]
+    """
+    rate, lost = 2.0 * converter.frequency_Hz, []
+    for scheme, first, link_V in (
+        (primary_scheme(converter), 0, V1_V),
+        (secondary_scheme(converter), 2, V2_V),
+    ):
+        for own, transitions in zip(missing[first : first + 2], (scheme.first, scheme.second), strict=True):
+            energies_J = [
+                _missing_J(scheme, step, scheme.step * link_V, _missing_at(own, place, len(transitions)))
+                for place, step in enumerate(transitions)
+            ]
+            lost.append(rate * scheme.legs * np.asarray(sum(energies_J)))
+    return np.stack(lost)

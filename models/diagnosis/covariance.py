@@ -19,6 +19,7 @@ _LEAST_DUTY, _LEAST_SHARE = 0.02, 0.05  # ranges of D1, D2 and power (of its lar
 _LENGTHS = np.array([0.3, 0.3, 0.4])  # of the ranges of D1, D2 and power: smooth over a third of the map
 AT_EDGES = 3.0  # laws of edges are smooth over a third of the lengths
 _NEARER = (1.0, AT_EDGES, AT_EDGES)
+_OVER_THE_MAP = 1.0 / 3.0  # what each further component is alike over: the whole map
 
 
 def length_scale(observations: Observations) -> Array:
@@ -45,13 +46,16 @@ def kernel(a: Array, b: Array) -> Array:
 def smooth_covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
     """Covariance (N, K) of the simulation's inaccuracy between two sets of readings of one channel.
 
-    Each is told by its places on the map (N, 3) and its :func:`~models.diagnosis.inaccuracy.inaccuracy` (3, N).
+    Each is told by its places on the map (N, 3) and its :func:`~models.diagnosis.inaccuracy.inaccuracy` (3, N), and
+    by what single laws may be off by over the whole map, beneath it, where anything is.
     """
     (place, sigma), (place_, sigma_) = one, other
-    both = zip(sigma, sigma_, _NEARER, strict=True)
-    return np.asarray(
-        sum(np.outer(s, s_) * kernel(place * nearer, place_ * nearer) for s, s_, nearer in both)
-    )
+    both = zip(sigma, sigma_, _NEARER, strict=False)
+    found = sum(np.outer(s, s_) * kernel(place * nearer, place_ * nearer) for s, s_, nearer in both)
+    if len(of_laws := sigma[len(_NEARER) :]):
+        alike = kernel(place * _OVER_THE_MAP, place_ * _OVER_THE_MAP)
+        found = found + (of_laws.T @ sigma_[len(_NEARER) :]) * alike
+    return np.asarray(found)
 
 
 def noiseless_covariance(observations: Observations, known: Signatures) -> Covariance:

@@ -2,17 +2,19 @@
 
 A conduction law is a line through a datasheet's curve, a switching energy a power law from another voltage and current,
 a core loss a law from sines: each loss part is right to a share of itself, and a channel shows the parts behind it.
-Beside that every channel has a little of its own. What a bridge loses where a swing is cut short depends on its
-capacitances at low voltage and on the last nanoseconds of the dead time: that is known less well than a soft edge, or
-one that is hard all the way. What is smooth over (D1, D2, power) is told from what happens at edges, which changes from
-soft to hard over a short way.
+Beside that every channel has a little of its own. What it costs to close on the rest of a swing that is cut short
+depends on capacitances at low voltage and on the last nanoseconds of the dead time: that is known less well than a soft
+edge, or one that is hard all the way. What is smooth over (D1, D2, power) is told from what happens at edges, which
+changes from soft to hard over a short way.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
+from sim.losses import missing_losses
 from sim.modulation import EDGES
+from sim.parameters import Converter
 from sim.simulate import Result
 from sim.station import IN_LINK
 
@@ -22,15 +24,17 @@ Array = NDArray[np.float64]
 _LAWS = {"conduction": 0.01, "copper": 0.01, "core": 0.03, "switching": 0.05, "recovery": 0.05}
 _AT_EDGES = ("switching", "recovery")
 BRIDGES = ("primary", "secondary")
-_CUT_SHORT, _PART_OF_IT = 0.3, (0.01, 0.99)  # Assumption: of the switching loss of a bridge with such an edge
+_PART_OF_IT = (0.01, 0.99)
+_THE_REST = 0.5  # Assumption: of what closing on the rest of a swing costs
+_CUT_SHORT = 0.3  # Assumption: the same where only the switching loss of the whole bridge is told
 
 
-def inaccuracy(observations: Observations, near: Result) -> Array:
+def inaccuracy(observations: Observations, near: Result, converter: Converter) -> Array:
     """One sigma of what is smooth, of what happens at edges, and at swings cut short, for every reading, (3, M).
 
-    ``near`` is the baseline's simulation of the rows with readings.
+    ``near`` is the baseline's simulation of the rows with readings, ``converter`` the one that it simulates.
     """
-    row, cut_short = np.searchsorted(np.unique(observations.row), observations.row), _cut_short(near)
+    row = _rows(observations)
     own = np.array([channel.accuracy for channel in observations.channels])[observations.channel]
     squares = np.stack([own**2, np.zeros_like(own), np.zeros_like(own)])
     for part, law, at_edges in _parts(near):
@@ -38,17 +42,43 @@ def inaccuracy(observations: Observations, near: Result) -> Array:
         error_W = np.stack([law * lost_W, np.zeros_like(lost_W), np.zeros_like(lost_W)])
         if at_edges:
             error_W[1] = law * lost_W
-            error_W[2] = _CUT_SHORT * cut_short[part.partition("_")[0]] * lost_W
         for channel in _showing(part):
             mask = observations.of(channel)
             squares[:, mask] += error_W[:, row[mask]] ** 2
+    for edge, rest_W in zip(EDGES, _rest_W(near, converter), strict=True):
+        for channel in _showing(edge):
+            mask = observations.of(channel)
+            squares[2, mask] += (_THE_REST * rest_W[row[mask]]) ** 2
     return np.asarray(np.sqrt(squares))
+
+
+def of_laws(observations: Observations, near: Result) -> Array:
+    """One sigma of the input power by each loss part's law, zero for the other channels, (parts, M)."""
+    row, at_input = _rows(observations), observations.of("efficiency")
+    errors_W = [law * np.nan_to_num(near[f"loss_{part}_W"])[row] for part, law, _ in _parts(near)]
+    return np.where(at_input, np.reshape(errors_W, (-1, row.size)), 0.0)
+
+
+def _rows(observations: Observations) -> NDArray[np.intp]:
+    """Which row of a simulation of the rows with readings each reading is of, (M,)."""
+    return np.searchsorted(np.unique(observations.row), observations.row)
+
+
+def _rest_W(near: Result, converter: Converter) -> Array:
+    """What closing on the rest of a swing costs where an edge is neither soft nor hard all the way, (4, N)."""
+    missing = np.nan_to_num([near[f"missing_{edge}"] for edge in EDGES])
+    V1_V, V2_V = (np.broadcast_to(V, missing.shape[1:]) for V in (near.points.V1_V, near.points.V2_V))
+    return np.where(_is_cut(missing), missing_losses(converter, missing, V1_V, V2_V), 0.0)
+
+
+def _is_cut(missing: Array) -> NDArray[np.bool_]:
+    low, high = _PART_OF_IT
+    return np.asarray((missing > low) & (missing < high))
 
 
 def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
     """Where an edge of each bridge is switched neither softly nor hard all the way, (N,)."""
-    low, high = _PART_OF_IT
-    cut = {edge: (near[f"missing_{edge}"] > low) & (near[f"missing_{edge}"] < high) for edge in EDGES}
+    cut = {edge: _is_cut(near[f"missing_{edge}"]) for edge in EDGES}
     return {
         bridge: np.any([at for edge, at in cut.items() if edge.startswith(bridge)], axis=0)
         for bridge in BRIDGES
@@ -76,7 +106,7 @@ def law_errors(near: Result) -> tuple[Array, Array, Array]:
 
 
 def _showing(part: str) -> tuple[str, ...]:
-    """The channels of power that a loss part lies behind."""
+    """The channels of power that a loss part, or an edge, lies behind."""
     if part.startswith("primary"):
         return ("efficiency",)
     return ("efficiency", "P_link1_W") if part in IN_LINK else ("efficiency", "P_link1_W", "P_link2_W")

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.inaccuracy import inaccuracy
+from models.diagnosis.inaccuracy import inaccuracy, of_laws
 from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
 from models.diagnosis.predictions import Key, Predictions, Repeated, read, table_of
@@ -36,6 +36,9 @@ _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
 _EDGE_ALONE = 0.03  # of the power, where efficiency is alone: an inductance three sigma off still carries it
 _LIMIT = "inductor.inductance_H"  # what moves the most that can be carried
+_STAYS = (
+    0.5  # Assumption: of a law's doubt over the whole map, where readings agree with it from place to place
+)
 _LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
 _STEP = (
     0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
@@ -74,9 +77,10 @@ class Signatures:
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction, and
     where efficiency is alone how far a limit one sigma off bends it;
     ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation, of
-    the input power only such a share as ``doubt`` says. ``near`` is the baseline's simulation at ``rows`` of the frame,
-    for variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there;
-    ``state`` (by row of the frame) is what thresholds are of.
+    the input power only such a share as ``doubt`` says; what each loss part's law, one of ``laws`` (parts, M), may be
+    off by over the whole map then stands beneath. ``near`` is the baseline's simulation at ``rows`` of the frame, for
+    variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there; ``state`` (by
+    row of the frame) is what thresholds are of.
     """
 
     baseline: Array
@@ -87,6 +91,7 @@ class Signatures:
     input_sigma: Array
     per_watt: Array
     inaccuracy: Array
+    laws: Array
     doubt: float = 1.0
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
@@ -104,8 +109,10 @@ class Signatures:
     def doubted(self, observations: Observations, doubt: float) -> Self:
         """The same with the input power wrong by such a share of what the simulation may be off."""
         share = np.where(observations.of("efficiency"), doubt / self.doubt, 1.0)
-        smooth, at_edges, cut_short = self.inaccuracy
-        return replace(self, inaccuracy=np.stack([share * smooth, share * at_edges, cut_short]), doubt=doubt)
+        smooth, at_edges, cut_short = self.inaccuracy[:3]
+        whole_map = _STAYS * self.laws if doubt < _STAYS else self.laws[:0]
+        less = np.stack([share * smooth, share * at_edges, cut_short])
+        return replace(self, inaccuracy=np.concatenate([less, whole_map]), doubt=doubt)
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that effects change, (k,)."""
@@ -127,6 +134,7 @@ class Signatures:
             input_sigma=self.input_sigma[readings],
             per_watt=self.per_watt[readings],
             inaccuracy=self.inaccuracy[:, readings],
+            laws=self.laws[:, readings],
         )
 
 
@@ -215,7 +223,8 @@ def signatures(
         spreads=np.concatenate([of_spreads - base, np.stack(list(everyday.values()))]),
         input_sigma=np.hypot(input_sigma, bent),
         per_watt=per_watt,
-        inaccuracy=inaccuracy(observations, near),
+        inaccuracy=inaccuracy(observations, near, baseline.converter),
+        laws=of_laws(observations, near),
         rows=used,
         near=near,
         lines=lines,

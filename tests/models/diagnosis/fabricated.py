@@ -57,6 +57,7 @@ def known(effects: Sequence[Signature], readings: int, spreads: Array | None = N
         input_sigma=np.zeros(readings),
         per_watt=np.zeros(readings),
         inaccuracy=np.zeros((3, readings)),
+        laws=np.zeros((0, readings)),
     )
 
 

@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 from bench.model_file import read_model
-from models.diagnosis.inaccuracy import inaccuracy
+from models.diagnosis.inaccuracy import inaccuracy, of_laws
 from models.diagnosis.observations import Observations, channel_named, observe
+from sim.losses import missing_losses
 from sim.modulation import EDGES
 from sim.prototype import prototype
 from sim.simulate import Points, Result
@@ -45,7 +46,7 @@ def lost_in(part: str, **missing: float) -> Result:
     [("primary_inner_conduction", 0.01, 1), ("transformer_core", 0.03, 2), ("secondary_conduction", 0.01, 3)],
 )
 def test_a_part_is_seen_by_the_channels_behind_it(part: str, law: float, shown_by: int) -> None:
-    smooth, at_edges, cut_short = inaccuracy(readings(), lost_in(part, primary_rise=0.5))
+    smooth, at_edges, cut_short = inaccuracy(readings(), lost_in(part), prototype())
     own = np.array([channel_named(name).accuracy for name in CHANNELS])
     extra = np.where(np.arange(3) < shown_by, 10.0 * law, 0.0)
     np.testing.assert_allclose(smooth, np.hypot(own, extra), rtol=1e-12)
@@ -54,16 +55,30 @@ def test_a_part_is_seen_by_the_channels_behind_it(part: str, law: float, shown_b
 
 
 def test_what_happens_at_edges_may_also_change_over_a_short_way() -> None:
-    _, at_edges, _ = inaccuracy(readings(), lost_in("primary_outer_switching"))
+    _, at_edges, _ = inaccuracy(readings(), lost_in("primary_outer_switching"), prototype())
     np.testing.assert_allclose(at_edges, [0.5, 0.0, 0.0], rtol=1e-12)  # 5 % of 10 W
 
 
-@pytest.mark.parametrize(("missing", "doubt_W"), [(0.0, 0.0), (0.02, 3.0), (0.98, 3.0), (1.0, 0.0)])
-def test_what_a_swing_cut_short_still_loses_is_doubted_most(missing: float, doubt_W: float) -> None:
-    *_, cut_short = inaccuracy(readings(), lost_in("primary_switching", primary_fall=missing))
-    np.testing.assert_allclose(cut_short, [doubt_W, 0.0, 0.0], rtol=1e-12)  # 30 % of 10 W
-    *_, elsewhere = inaccuracy(readings(), lost_in("primary_switching", secondary_lead=missing))
-    assert not np.any(elsewhere)
+@pytest.mark.parametrize(("edge", "shown_by"), [("primary_fall", 1), ("secondary_lead", 3)])
+def test_half_of_what_the_rest_of_a_swing_costs_is_doubted(edge: str, shown_by: int) -> None:
+    """Whatever else the bridge loses at its edges, 10 W here."""
+    near = lost_in("primary_outer_switching", **{edge: 0.5})
+    missing = np.where(np.array(EDGES) == edge, 0.5, 0.0)[:, None]
+    lost_W = missing_losses(prototype(), missing, np.array([300.0]), np.array([140.0])).sum()
+    *_, cut_short = inaccuracy(readings(), near, prototype())
+    assert lost_W > 0.05
+    np.testing.assert_allclose(cut_short, np.where(np.arange(3) < shown_by, 0.5 * lost_W, 0.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.005, 0.995, 1.0])
+def test_an_edge_that_is_soft_or_hard_all_the_way_is_known_better(missing: float) -> None:
+    near = lost_in("primary_outer_switching", primary_fall=missing)
+    assert not np.any(inaccuracy(readings(), near, prototype())[2])
+
+
+def test_a_law_over_the_whole_map_is_one_of_the_input_power() -> None:
+    (law_W,) = of_laws(readings(), lost_in("transformer_core"))
+    np.testing.assert_allclose(law_W, [0.3, 0.0, 0.0], rtol=1e-12)  # 3 % of 10 W
 
 
 def test_channels_scale_with_the_converter() -> None:

@@ -57,6 +57,25 @@ def test_where_other_channels_tell_too_laws_stay_doubted_as_they_are() -> None:
     np.testing.assert_array_equal(less[2], there.inaccuracy[2])  # a swing cut short happens in few rows
 
 
+def test_half_of_what_a_law_is_off_by_over_the_whole_map_stays(
+    observations: Observations, known: Signatures
+) -> None:
+    np.testing.assert_array_equal(known.doubted(observations, 0.1).inaccuracy[3:], 0.5 * known.laws)
+    again = known.doubted(observations, 0.3).doubted(observations, 0.1)
+    np.testing.assert_allclose(
+        again.inaccuracy, known.doubted(observations, 0.1).inaccuracy, rtol=1e-12
+    )  # rounding
+    assert len(known.doubted(observations, 1.0).inaccuracy) == 3
+
+
+def test_laws_over_the_whole_map_are_alike_where_nothing_else_is() -> None:
+    """Two laws of 3 and 4 W, at places three correlation lengths apart: one of the whole map."""
+    laws = np.concatenate([np.zeros((3, 1)), [[3.0], [4.0]]])
+    here, there = (np.array([[x, 0.0, 0.0]]) for x in (0.0, 3.0))
+    assert smooth_covariance((here, laws), (here, laws)).item() == pytest.approx(25.0)
+    assert smooth_covariance((here, laws), (there, laws)).item() == pytest.approx(25.0 * np.exp(-0.5))
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_laws_that_are_wrong_by_what_they_may_be_stay_doubted(
     observations: Observations, known: Signatures, seed: int
