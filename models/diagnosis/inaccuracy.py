@@ -25,7 +25,9 @@ _LAWS = {"conduction": 0.01, "copper": 0.01, "core": 0.03, "switching": 0.05, "r
 _AT_EDGES = ("switching", "recovery")
 BRIDGES = ("primary", "secondary")
 _PART_OF_IT = (0.01, 0.99)
-_THE_REST = 0.5  # Assumption: of what closing on the rest of a swing costs
+# Assumption: of what closing on the rest of a swing costs; and of what the bridge switches, whose other switch opens at
+# a current far below those of its datasheet
+_THE_REST, _AT_SMALL_CURRENT = 0.5, 0.1
 _CUT_SHORT = 0.3  # Assumption: the same where only the switching loss of the whole bridge is told
 
 
@@ -34,7 +36,7 @@ def inaccuracy(observations: Observations, near: Result, converter: Converter) -
 
     ``near`` is the baseline's simulation of the rows with readings, ``converter`` the one that it simulates.
     """
-    row = _rows(observations)
+    row, cut_short = _rows(observations), _cut_short(near)
     own = np.array([channel.accuracy for channel in observations.channels])[observations.channel]
     squares = np.stack([own**2, np.zeros_like(own), np.zeros_like(own)])
     for part, law, at_edges in _parts(near):
@@ -42,6 +44,7 @@ def inaccuracy(observations: Observations, near: Result, converter: Converter) -
         error_W = np.stack([law * lost_W, np.zeros_like(lost_W), np.zeros_like(lost_W)])
         if at_edges:
             error_W[1] = law * lost_W
+            error_W[2] = _AT_SMALL_CURRENT * cut_short[part.partition("_")[0]] * lost_W
         for channel in _showing(part):
             mask = observations.of(channel)
             squares[:, mask] += error_W[:, row[mask]] ** 2
@@ -67,8 +70,9 @@ def _rows(observations: Observations) -> NDArray[np.intp]:
 def _rest_W(near: Result, converter: Converter) -> Array:
     """What closing on the rest of a swing costs where an edge is neither soft nor hard all the way, (4, N)."""
     missing = np.nan_to_num([near[f"missing_{edge}"] for edge in EDGES])
-    V1_V, V2_V = (np.broadcast_to(V, missing.shape[1:]) for V in (near.points.V1_V, near.points.V2_V))
-    return np.where(_is_cut(missing), missing_losses(converter, missing, V1_V, V2_V), 0.0)
+    at = near.points.with_voltages_of(converter)
+    lost_W = missing_losses(converter, missing, np.asarray(at.V1_V), np.asarray(at.V2_V))
+    return np.where(_is_cut(missing), lost_W, 0.0)
 
 
 def _is_cut(missing: Array) -> NDArray[np.bool_]:

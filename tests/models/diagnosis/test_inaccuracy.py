@@ -61,13 +61,22 @@ def test_what_happens_at_edges_may_also_change_over_a_short_way() -> None:
 
 @pytest.mark.parametrize(("edge", "shown_by"), [("primary_fall", 1), ("secondary_lead", 3)])
 def test_half_of_what_the_rest_of_a_swing_costs_is_doubted(edge: str, shown_by: int) -> None:
-    """Whatever else the bridge loses at its edges, 10 W here."""
-    near = lost_in("primary_outer_switching", **{edge: 0.5})
+    near = lost_in("primary_conduction", **{edge: 0.5})
     missing = np.where(np.array(EDGES) == edge, 0.5, 0.0)[:, None]
     lost_W = missing_losses(prototype(), missing, np.array([300.0]), np.array([140.0])).sum()
     *_, cut_short = inaccuracy(readings(), near, prototype())
     assert lost_W > 0.05
     np.testing.assert_allclose(cut_short, np.where(np.arange(3) < shown_by, 0.5 * lost_W, 0.0), rtol=1e-12)
+
+
+def test_a_tenth_of_what_the_bridge_switches_is_doubted_beside_it() -> None:
+    quiet, loud = (
+        inaccuracy(readings(), lost_in(f"primary_{part}", primary_fall=0.5), prototype())[2, 0]
+        for part in ("conduction", "outer_switching")
+    )
+    assert loud == pytest.approx(np.hypot(quiet, 1.0), rel=1e-12)  # 10 W are switched
+    other = inaccuracy(readings(), lost_in("primary_outer_switching", secondary_lead=0.5), prototype())
+    assert other[2, 0] < 0.1
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.005, 0.995, 1.0])
