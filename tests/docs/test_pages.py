@@ -78,13 +78,12 @@ def test_documented_simulations_run(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_the_example_of_an_effect_is_one() -> None:
+    from sim.effects import scalings
     from sim.effects.base import Effect
-    from sim.effects.scalings import ParameterEffect, _added, _parameter
 
     page = (ROOT / "docs" / "how-to" / "add-an-effect.md").read_text(encoding="utf-8")
     block = re.search(r"```python\n(.*?)```", page, re.DOTALL)
     assert block
-    names = {"ParameterEffect": ParameterEffect, "_added": _added, "_parameter": _parameter}
-    made = eval(block[1], names)
+    made = eval(block[1], vars(scalings))
     assert isinstance(made, Effect)
     assert made.headline.lower <= made.headline.off <= made.headline.upper
