@@ -17,9 +17,8 @@ _SEPARATED = (
     "columns are separated by ',' with '.' as decimal sign, or by ';' or tab with either decimal sign"
 )
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
-_IN_SPACES = re.compile(
-    r"[+-]?[1-9]\d{0,2}([\s'\u2019]\d{3})+([.,]\d*)?"
-)  # thousands apart: 1 406,8 or 1'406.8
+# thousands apart: 1 406,8 or 1'406.8
+_IN_SPACES = re.compile(r"[+-]?[1-9]\d{0,2}([\s'\u2019]\d{3})+([.,]\d*)?")
 _IN_POINTS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d*")  # 1.406,8
 _IN_COMMAS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # 1,406.8, and 1,406 beside it
 _DECIMAL_POINT = re.compile(r"[+-]?[\d,]*\.\d*([eE][+-]?\d+)?")  # not a date, 20.11.2026

@@ -51,9 +51,8 @@ class ModelRecord:
     metrics: Mapping[str, float]
     virtual: bool | None = None  # whether its measurements come from a virtual lab; None: nobody said
     data: str = ""  # where they are: a database and its campaigns, or a file
-    simulator: Mapping[str, object] | None = (
-        None  # as plain data: converter, modulation, effects; None: not recorded
-    )
+    # as plain data: converter, modulation, effects; None: not recorded
+    simulator: Mapping[str, object] | None = None
 
     def made_beside(self) -> "Model | None":
         """The simulation model that it was trained beside; RegistryError where its description cannot be read."""

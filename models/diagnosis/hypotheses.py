@@ -119,11 +119,6 @@ class Fit:
         """The hypothesis that nothing is wrong."""
         return cls(terms=(), shift=np.zeros(readings))
 
-    @classmethod
-    def on_a_line(cls, terms: tuple[Term, ...], bend: Array) -> Self:
-        """Terms at their values, each along its slope from off; ``bend`` (M,) comes on top."""
-        return cls(terms=terms, shift=bend + sum(t.slope * t.distance for t in terms))
-
     @property
     def effects(self) -> tuple[str, ...]:
         """Names of the effects, none for nothing."""

@@ -36,9 +36,8 @@ _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 _EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
 _EDGE_ALONE = 0.03  # of the power, where efficiency is alone: an inductance three sigma off still carries it
 _LIMIT = "inductor.inductance_H"  # what moves the most that can be carried
-_STAYS = (
-    0.5  # Assumption: of a law's doubt over the whole map, where readings agree with it from place to place
-)
+# Assumption: of a law's doubt over the whole map, where readings agree with it from place to place
+_STAYS = 0.5
 _LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
 _STEP = (
     0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance

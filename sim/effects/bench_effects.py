@@ -147,17 +147,12 @@ def _one(name: str, unit: str, tolerance: float, prior: float, lower: float, upp
     return EffectParameter(name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper)
 
 
-def _going_by(factor: str, parameter: EffectParameter) -> EffectParameter:
-    """The parameter as one that goes by a converter's size."""
-    return replace(parameter, goes_by=factor)
-
-
 BENCH_EFFECTS: tuple[Effect, ...] = (
     FanStep(
         name="fan_step",
         stage="supply, wiring",
         parameters=(
-            _going_by("power", _one("power_W", "W", 0.4, 3.0, 0.0, 30.0)),
+            replace(_one("power_W", "W", 0.4, 3.0, 0.0, 30.0), goes_by="power"),
             EffectParameter(
                 name="threshold_C",
                 scan=(30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0),
@@ -203,7 +198,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         name="analyzer_offset",
         stage="measurement, command",
         # 0.05 % of a range of 5 A, uniform: a sigma of that over root three
-        parameters=(_going_by("input_range", _one("current_A", "A", 1.5e-3, 0.02, -0.2, 0.2)),),
+        parameters=(replace(_one("current_A", "A", 1.5e-3, 0.02, -0.2, 0.2), goes_by="input_range"),),
         law=0.01,
         says="the analyzer's input current has a zero offset",
         check_on_bench="zero the analyzer with the input open; read standby with the leads off",

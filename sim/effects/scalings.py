@@ -72,11 +72,13 @@ def _replace_at(owner: Any, path: list[str], change: Callable[[Any, float], Any]
 
 
 def _parameter(
-    name: str, unit: str, tolerance: float, prior: float, bounds: tuple[float, float]
+    name: str, unit: str, tolerance: float, prior: float, bounds: tuple[float, float], goes_by: str = ""
 ) -> tuple[EffectParameter]:
     lower, upper = bounds
     return (
-        EffectParameter(name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper),
+        EffectParameter(
+            name=name, unit=unit, tolerance=tolerance, prior=prior, lower=lower, upper=upper, goes_by=goes_by
+        ),
     )
 
 
@@ -84,11 +86,6 @@ def _relative(
     tolerance: float, prior: float, bounds: tuple[float, float] = (-0.6, 2.0)
 ) -> tuple[EffectParameter]:
     return _parameter("relative_error", "1", tolerance, prior, bounds)
-
-
-def _going_by(factor: str, parameters: tuple[EffectParameter]) -> tuple[EffectParameter]:
-    """The parameter as one that goes by a converter's size."""
-    return (replace(parameters[0], goes_by=factor),)
 
 
 def _started(parameters: tuple[EffectParameter], values: tuple[float, ...]) -> tuple[EffectParameter]:
@@ -103,9 +100,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="link_resistance",
         stage="circuit",
-        parameters=_going_by(
-            "input_resistance", _parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (0.0, 0.5))
-        ),
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (0.0, 0.5), "input_resistance"),
         paths=("link_resistance_Ohm",),
         change=_added,
         says="the ac link has more series resistance than modelled: winding, circuit board or connectors",
@@ -305,7 +300,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="auxiliary_power",
         stage="supply, wiring",
-        parameters=_going_by("power", _parameter("power_W", "W", 0.1, 3.0, (0.0, 50.0))),
+        parameters=_parameter("power_W", "W", 0.1, 3.0, (0.0, 50.0), "power"),
         paths=("auxiliary_power_W",),
         change=_added,
         law=0.01,
@@ -315,9 +310,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="cable_resistance_input",
         stage="supply, wiring",
-        parameters=_going_by(
-            "input_resistance", _parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (0.0, 1.0))
-        ),
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (0.0, 1.0), "input_resistance"),
         paths=("input_cable_Ohm",),
         change=_added,
         says="resistance between the analyzer's input terminals and the dc link: cable, fuse, contactor",
@@ -326,9 +319,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="cable_resistance_output",
         stage="supply, wiring",
-        parameters=_going_by(
-            "output_resistance", _parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (0.0, 0.3))
-        ),
+        parameters=_parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (0.0, 0.3), "output_resistance"),
         paths=("output_cable_Ohm",),
         change=_added,
         says=(
