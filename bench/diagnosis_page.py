@@ -11,6 +11,7 @@ from plotly.offline import get_plotlyjs
 
 from bench import charts, diagnosis_charts
 from bench.report import diagnosis_actions, environment, rows_left_out
+from bench.so_far import so_far_text
 from bench.wording import (
     counted,
     difference_unit,
@@ -50,6 +51,7 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
             data=page,
             causes=probable_causes(d),
             headline=verdict_text(d),
+            so_far=so_far_text(d),
             unexplained=unexplained_text(d),
             actions=diagnosis_actions(d),
             tiles=tiles(d),

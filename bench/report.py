@@ -4,6 +4,7 @@ Order: what was found and what to do, the evidence for it, then the pictures beh
 the run cost and that the bench was left safe.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -138,7 +139,12 @@ def actions(data: ReportData) -> list[str]:
 
 def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What to make sure of before any cause is checked."""
-    asked = (_question_of_the_model(diagnosis), _question_of_rows(diagnosis), _where_to_look(diagnosis))
+    asked = (
+        _question_of_the_model(diagnosis),
+        _only_with_spreads(diagnosis),
+        _question_of_rows(diagnosis),
+        _where_to_look(diagnosis),
+    )
     return [question for question in asked if question]
 
 
@@ -152,8 +158,8 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
         for cause in probable_causes(diagnosis, LIKELY)
         if cause.get("parameters") and _at_an_end(cause["effect"], float(cause["parameters"][0]["value"]))
     ]
-    if worse := extension_worse(diagnosis):
-        reasons.append(worse)
+    if (worse := extension_worse(diagnosis)) and not spreads_make_good(diagnosis):
+        reasons.append(f"{worse}, so the extended model is not to be used")
     if not reasons and diagnosis.get("verdict") == "unknown" and not _alike(diagnosis):
         reasons = ["no known cause explains all of the gap"]
     if not reasons:
@@ -169,9 +175,31 @@ def extension_worse(diagnosis: Mapping[str, Any]) -> str:
     gain = diagnosis.get("gain")
     if not gain or gain["ci95"][1] >= 0 or gain["after"] < _WORSE * gain["before"]:
         return ""
+    least, most = sorted(-bound for bound in gain["ci95"])
     return (
         f"held-out rows are {points_text(gain['after'])} points off with what is named, "
-        f"{points_text(gain['before'])} without, so the extended model is not to be used"
+        f"{points_text(gain['before'])} without ({points_text(least)} to {points_text(most)} points worse, 95 %)"
+    )
+
+
+def spreads_make_good(diagnosis: Mapping[str, Any]) -> bool:
+    """Whether what is named predicts held-out rows better once everyday spreads are fitted beside it, and no leftover
+    has to be there for that: a leftover would hide the error of a wrong name as well."""
+    gain, unknown = diagnosis.get("gain") or {}, diagnosis.get("unknown") or {}
+    fitted = gain.get("calibrated", math.inf)
+    return bool(gain) and _WORSE * fitted < gain["before"] and unknown.get("probability", 0.0) < LIKELY
+
+
+def _only_with_spreads(diagnosis: Mapping[str, Any]) -> str:
+    """That the extended model lacks what a named cause is right beside; empty where it predicts no worse."""
+    worse = extension_worse(diagnosis)
+    if not worse or not spreads_make_good(diagnosis):
+        return ""
+    fitted = points_text(diagnosis["gain"]["calibrated"])
+    return (
+        f"Do not predict efficiency with the extended model: {worse}, but {fitted} with the everyday spreads of parts "
+        "and instruments fitted beside it. In efficiency those spreads cancel what is named, which this does not speak "
+        "against; d2ea train keeps a calibrated model, which holds both."
     )
 
 

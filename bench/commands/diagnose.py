@@ -19,6 +19,7 @@ from bench.errors import InputError
 from bench.imported import left_out_by_import, left_out_text
 from bench.model_file import model_from, write_model
 from bench.report import first_questions
+from bench.so_far import measured_so_far, so_far_text
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
 from bench.wording import (
@@ -144,11 +145,12 @@ def measured(data: str, db: str | None) -> tuple[Measurements, int | None, bool]
 
 
 def _before(campaign_id: int | None, db: str | None) -> dict[str, Any]:
-    """What the import of a campaign left out."""
+    """How much of a campaign was measured, and what its import left out."""
     if campaign_id is None:
         return {}
     with _store(db) as store:
-        return left_out_by_import(store.campaign(campaign_id)["config"])
+        campaign = store.campaign(campaign_id)
+    return measured_so_far(campaign) | left_out_by_import(campaign["config"])
 
 
 def _store(db: str | None) -> "Store":
@@ -160,6 +162,8 @@ def _store(db: str | None) -> "Store":
 def tell(plain: dict[str, Any]) -> None:
     """The answer for people."""
     gap, gain = plain["gap"], plain["gain"]
+    if so_far := so_far_text(plain):
+        out.print(escape(so_far))
     out.print(f"{plain['points']} points; channels: {', '.join(plain['channels'])}")
     efficiency = f"{points_text(gap['mean_abs_efficiency'])} points of efficiency"
     out.print(minus(f"gap: {efficiency}, {gap['mean_loss_W']:+.2f} W of loss, mean"))

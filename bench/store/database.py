@@ -39,6 +39,8 @@ _ADVICE = (
     ("onnection", "the database server cannot be reached: start it, then resume the campaign"),
 )
 
+_DAMAGED = ("malformed", "not a database")  # what SQLite says of a file that was cut or overwritten
+
 
 def database_url(option: str | None = None, configured: str | None = None) -> str:
     """The option, else the bench's own, else D2EA_DB, else a file in the working directory.
@@ -69,7 +71,7 @@ class Database:
             raise InputError.of("database", "URL", None, f"not an SQLAlchemy URL: {error}") from error
         except (SQLAlchemyError, OSError) as error:
             where = parsed.render_as_string(hide_password=True)
-            raise InputError.of("database", "URL", where, f"cannot be opened: {_reason(error)}") from error
+            raise InputError.of("database", "URL", where, f"cannot be opened: {self._told(error)}") from error
         self.url = parsed.render_as_string(hide_password=True)
         self._inode = self._present()
 
@@ -110,9 +112,15 @@ class Database:
         try:
             yield
         except DBAPIError as error:
-            said = _reason(error)
-            advice = next((advice for sign, advice in _ADVICE if sign in said), "")
-            raise StoreError(f"{self.url}: {said}" + (f"; {advice}" if advice else "")) from error
+            raise StoreError(f"{self.url}: {self._told(error)}") from error
+
+    def _told(self, error: Exception) -> str:
+        """What the database says, and what to do about it."""
+        said = _reason(error)
+        if self.file is not None and any(sign in said for sign in _DAMAGED):
+            return f"{said}; {_rescue(self.file)}"
+        advice = next((advice for sign, advice in _ADVICE if sign in said), "")
+        return f"{said}; {advice}" if advice else said
 
     def _present(self) -> tuple[int, int] | None:
         """Which file has the database's name now."""
@@ -144,6 +152,18 @@ class Database:
             if found is None:
                 metadata.create_all(db)
                 db.execute(insert(schema).values(version=SCHEMA))
+
+
+def _rescue(file: Path) -> str:
+    """What to do with a database file that is damaged."""
+    rescued = file.with_name(f"rescued-{file.name}")
+    dumped = f"""sqlite3 "{file}" .dump | sed 's/^ROLLBACK/COMMIT/' | sqlite3 "{rescued}\""""
+    return (
+        "the file was cut or overwritten, or is none of SQLite's. If it is the database: end every program that has it "
+        f"open, and copy {file}, {file.name}-wal and {file.name}-shm, where they are there, before anything else; then "
+        f"take the last copy from your backup, or what can still be read with: {dumped} (.recover for .dump finds "
+        f"more, where this sqlite3 has it); name the new file with --db sqlite:///{rescued}, and see d2ea runs"
+    )
 
 
 def _with_driver(url: URL) -> URL:

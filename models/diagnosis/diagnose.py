@@ -196,7 +196,7 @@ class Diagnosis:
             "parameters": parameters,
             "tied_with": list(cause.tied_with),
             "says": entry.says,
-            "check": entry.check_on_bench,
+            "check": entry.check_at(term.value),
         }
 
 

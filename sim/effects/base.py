@@ -78,6 +78,7 @@ class EffectParameter:
 class Effect:
     """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench.
 
+    ``below_off`` is what to check first where the headline comes out below off, which the effect itself does not do.
     ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. ``akin`` is
     the effect that such an error looks like, where one does.
     ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each; ``over_time``
@@ -89,6 +90,7 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     says: str
     check_on_bench: str
+    below_off: str = ""
     threshold: bool = False
     law: float = 0.02
     akin: str | None = None
@@ -111,6 +113,11 @@ class Effect:
         for p in self.parameters[1:]:
             found = [{**chosen, p.name: value} for chosen in found for value in (p.scan or (p.off,))]
         return found
+
+    def check_at(self, value: float) -> str:
+        """What to check on the bench where the headline came out at a value."""
+        first = f"{self.below_off}; " if self.below_off and value < self.headline.off else ""
+        return first + self.check_on_bench
 
     def off_values(self) -> dict[str, float]:
         """The values at which the effect does nothing."""

@@ -176,6 +176,10 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         over_time=True,
         says="losses rise over the campaign: something warms up more slowly than the settling waits for",
         check_on_bench="repeat the first point at the end; wait longer before the first point",
+        below_off=(
+            "losses that fall while the bench warms up are rather an instrument's drift: warm the analyzer up for its "
+            "stated time, zero it, and check its gain at the start and at the end"
+        ),
     ),
     AmbientDrift(
         name="ambient_drift",

@@ -131,8 +131,8 @@ SCALINGS: tuple[Effect, ...] = (
         change=_scaled,
         says="the link inductance differs from its nominal value",
         check_on_bench=(
-            "measure the series inductance with the transformer in place, secondary shorted, at the "
-            "switching frequency"
+            "make sure that the bench switched at the model's frequency; then measure the series inductance with "
+            "the transformer in place, secondary shorted, at that frequency"
         ),
     ),
     ParameterEffect(
@@ -176,7 +176,7 @@ SCALINGS: tuple[Effect, ...] = (
         change=_shortened_to_nothing_at_most,
         law=0.05,
         says="the dead time at the gates differs from its set value",
-        check_on_bench="measure both gate signals of one leg at the switches with an oscilloscope",
+        check_on_bench="measure period and both gate signals of one leg at the switches with an oscilloscope",
     ),
     ParameterEffect(
         name="gate_delay_skew",

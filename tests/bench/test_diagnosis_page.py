@@ -36,6 +36,7 @@ ANSWER = {
     "rejected_columns": [{"column": "T_heatsink_C", "reason": "reads 25 in all 30 rows: a stuck sensor"}],
     "model": "model.toml",
 }  # fmt: skip
+WORSE = ANSWER["gain"] | {"after": 0.02, "ci95": [-0.009, -0.007]}  # held out, with what is named
 
 
 @pytest.fixture
@@ -92,12 +93,45 @@ def test_what_the_import_left_out_is_listed_as_its_file_counts(page: DiagnosisPa
 
 
 def test_an_extension_that_predicts_worse_is_not_to_be_used(page: DiagnosisPage, tmp_path: Path) -> None:
-    worse = ANSWER["gain"] | {"after": 0.02, "ci95": [-0.009, -0.007]}
-    text = written(replace(page, diagnosis=ANSWER | {"gain": worse}), tmp_path)
+    text = written(replace(page, diagnosis=ANSWER | {"gain": WORSE}), tmp_path)
     assert "held-out rows are 2.000 points off with what is named, 1.200 without" in text
+    assert "(0.700 to 0.900 points worse, 95 %), so the extended model is not to be used" in text
     assert "Make sure first that the model describes the converter" in text
     assert "from now on" not in text
     assert "from now on" in written(page, tmp_path)
+
+
+def test_a_name_that_spreads_cancel_in_efficiency_is_not_doubted(page: DiagnosisPage, tmp_path: Path) -> None:
+    text = written(
+        replace(page, diagnosis=ANSWER | {"gain": WORSE, "unknown": {"probability": 0.0}}), tmp_path
+    )
+    assert "Do not predict efficiency with the extended model: held-out rows are 2.000 points off" in text
+    assert "but 0.020 with the everyday spreads of parts and instruments fitted beside it" in text
+    assert "Make sure first that the model describes the converter" not in text
+    assert "from now on" not in text
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"ci95": [-0.017, 0.001]},  # resampled rows do not agree that it is worse
+        {"after": 0.0125, "ci95": [-0.0008, -0.0002]},  # sure, but too little to matter
+    ],
+)
+def test_what_is_not_surely_and_much_worse_is_used(
+    changed: dict[str, object], page: DiagnosisPage, tmp_path: Path
+) -> None:
+    text = written(replace(page, diagnosis=ANSWER | {"gain": WORSE | changed}), tmp_path)
+    assert "points off with what is named" not in text
+    assert "from now on" in text
+
+
+def test_what_of_the_plan_is_not_there_is_said_with_the_verdict(page: DiagnosisPage, tmp_path: Path) -> None:
+    of = {"campaign": {"id": 7, "planned": 50, "accepted": 26, "rejected": 0, "state": "interrupted"}}
+    text = written(replace(page, diagnosis=ANSWER | of), tmp_path)
+    assert "26 of 50 planned rows were measured, and the campaign is interrupted: d2ea resume 7" in text
+    assert text.index("26 of 50 planned") < text.index("What to do")
+    assert "Not all of the plan" not in written(page, tmp_path)
 
 
 def test_a_suspect_is_said_at_once_and_is_no_agreement(page: DiagnosisPage, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bench.errors import InputError, StateError
+from bench.errors import InputError, StateError, StoreError
 from bench.states import State
 from bench.store import Provenance, Store, database_url
 
@@ -95,6 +95,27 @@ def test_the_url_comes_from_option_bench_environment_default(monkeypatch: pytest
 def test_a_database_that_cannot_be_opened_is_an_input_error(url: str) -> None:
     with pytest.raises(InputError, match="database: URL"):
         Store(url)
+
+
+@pytest.mark.parametrize(
+    "left", [0.5, 0.0]
+)  # of the file: cut in the middle, and overwritten from its first byte
+def test_a_damaged_file_says_what_to_copy_and_how_to_read_what_is_left(left: float, tmp_path: Path) -> None:
+    file = tmp_path / "lab.sqlite"
+    with Store(f"sqlite:///{file}") as store:
+        store.import_table("theirs", TABLE, PROVENANCE)
+    whole = file.read_bytes()
+    kept = whole[: int(left * len(whole))]
+    file.write_bytes(kept + b"no database " * (0 if kept else 400))
+    with pytest.raises((InputError, StoreError)) as caught, Store(f"sqlite:///{file}") as store:
+        store.measurement_table(1)
+    said = str(caught.value)
+    assert f"copy {file}" in said
+    assert (
+        f"""sqlite3 "{file}" .dump | sed 's/^ROLLBACK/COMMIT/' | sqlite3 "{tmp_path}/rescued-lab.sqlite\""""
+        in said
+    )
+    assert f"--db sqlite:///{tmp_path}/rescued-lab.sqlite" in said
 
 
 def test_a_password_is_never_said() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.effects.catalogue import CATALOGUE
+from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
 from sim.simulate import Points, Result, simulate, simulate_many
 
@@ -146,3 +146,16 @@ def test_a_scaled_parts_spread_is_scaled_and_a_replaced_one_has_none() -> None:
     ):  # fmt: skip
         entry = CATALOGUE[name]
         assert entry.spread_at(value, everyday=0.06) == pytest.approx(times * 0.06)
+
+
+def test_losses_that_fall_while_warming_up_ask_for_the_instrument_first() -> None:
+    warm_up = effect("warm_up_drift")
+    assert warm_up.check_at(-0.04).startswith(
+        "losses that fall while the bench warms up are rather an instrument"
+    )
+    assert warm_up.check_at(0.04) == warm_up.check_on_bench
+
+
+def test_an_inductance_that_is_off_asks_for_the_switching_frequency_first() -> None:
+    said = effect("leakage_inductance").check_at(0.2)
+    assert said.startswith("make sure that the bench switched at the model's frequency")
