@@ -7,11 +7,23 @@ from typing import Any
 
 from bench.wording import counted
 from models.dataset import Measurements
+from models.switching_frequency import StatedFrequency, stated_frequencies
 
 
 def import_config(file: Path, measured: Measurements) -> dict[str, Any]:
-    """The configuration of an imported campaign: of which file, and which of its rows were left out, and why."""
-    return {"imported_from": file.name, "left_out": [asdict(row) for row in measured.rejected]}
+    """The configuration of an imported campaign: of which file, which of its rows were left out, and why, and at which
+    switching frequencies it says that they were measured."""
+    stated = stated_frequencies(measured.frame, measured.rows)
+    return {
+        "imported_from": file.name,
+        "left_out": [asdict(row) for row in measured.rejected],
+        "switching_frequencies": [asdict(each) for each in stated],
+    }
+
+
+def frequencies_by_import(config: Mapping[str, Any]) -> tuple[StatedFrequency, ...]:
+    """The switching frequencies that an imported table stated; none of a campaign of one's own."""
+    return tuple(StatedFrequency(**each) for each in config.get("switching_frequencies") or ())
 
 
 def left_out_by_import(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,17 +14,20 @@ from pathlib import Path
 
 import pandas as pd
 
+from bench.converter_stated import in_c, stated_converter
 from bench.errors import InputError, Problem
 from bench.table_file import write_table
 from bench.toml_file import write_atomically
 from drivers.controller_messages import TABLE_ROWS
 from models.lut import Lut
 from models.registry import ModelRecord
+from sim.model import Model
 
 ENDINGS = (".csv", ".json", ".h")
 BESIDE = tuple(f"lut{ending}" for ending in ENDINGS)  # files beside a model
 SCHEMA = 2
 ROW = ("P_W", "D1", "D2")
+STATED = ("model", "lab", "converter")  # of the origin, in every row of a CSV file
 EXPECTED = ("predicted", "predicted_low", "predicted_high")
 VIRTUAL, HARDWARE, UNKNOWN = "virtual lab", "hardware", "not stated"
 _NUMBER = r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)f"
@@ -40,13 +43,20 @@ class LutOrigin:
     data_sha256: str
     data: str
     lab: str
+    converter: str = UNKNOWN
 
     @classmethod
-    def of(cls, record: ModelRecord) -> "LutOrigin":
-        """That of a model in the registry."""
+    def of(cls, record: ModelRecord, simulator: Model | None = None) -> "LutOrigin":
+        """That of a model in the registry; ``simulator``: what else it was searched beside."""
+        beside = record.made_beside() or simulator
         lab = UNKNOWN if record.virtual is None else (VIRTUAL if record.virtual else HARDWARE)
         return cls(
-            model=record.id, kind=record.kind, data_sha256=record.data_sha256, data=record.data, lab=lab
+            model=record.id,
+            kind=record.kind,
+            data_sha256=record.data_sha256,
+            data=record.data,
+            lab=lab,
+            converter=UNKNOWN if beside is None else stated_converter(beside),
         )
 
 
@@ -63,7 +73,7 @@ def write_lut(table: Lut, path: Path, origin: LutOrigin) -> None:
     """Write the table in the form that the file's name asks for, in one step."""
     check_lut_ending(path)
     if path.suffix == ".csv":
-        write_table(table.frame().assign(model=origin.model, lab=origin.lab), path)
+        write_table(table.frame().assign(**{name: getattr(origin, name) for name in STATED}), path)
     elif path.suffix == ".json":
         write_atomically(path, json.dumps(as_plain(table, origin), indent=2, allow_nan=False) + "\n")
     else:
@@ -98,7 +108,7 @@ def _header(table: Lut, origin: LutOrigin) -> str:
         f"    {{{_float(row['P_W'])}, {_float(row['D1'])}, {_float(row['D2'])}}}, /* {_expected(row)} */"
         for row in table.frame().to_dict("records")
     ]
-    said = {name: re.sub(r"[^\x20-\x7e]|[*/]{2,}|\*/", "?", value) for name, value in asdict(origin).items()}
+    said = {name: in_c(value) for name, value in asdict(origin).items()}
     return _C.format(rows="\n".join(rows), count=len(rows), label=said["lab"].upper(), **said)
 
 
@@ -116,6 +126,7 @@ _C = """\
 /* Best modulation of the converter over load, from d2ea.
  *
  * Source:  {label}
+ * for      {converter}
  * model    {model} ({kind})
  * data     {data}
  * SHA-256  {data_sha256}
@@ -128,6 +139,7 @@ _C = """\
 #define D2EA_LUT_H
 
 #define D2EA_LUT_MODEL "{model}"
+#define D2EA_LUT_CONVERTER "{converter}"
 #define D2EA_LUT_ROWS {count}
 
 struct d2ea_lut_row {{
@@ -226,14 +238,26 @@ def _problems(path: Path, rows: pd.DataFrame) -> list[Problem]:
 
 def model_of(path: Path) -> str:
     """The id of the model that a table's numbers are from; InputError when the file does not name it."""
-    text = path.read_text(encoding="utf-8")
-    if path.suffix == ".csv":
-        found = next(iter(pd.read_csv(path).get("model", pd.Series(dtype=str))), None)
-    elif path.suffix == ".json":
-        found = json.loads(text).get("model")
-    else:
-        match = re.search(r'^#define D2EA_LUT_MODEL "([0-9a-f]+)"', text, re.MULTILINE)
-        found = match[1] if match else None
-    if not isinstance(found, str):
+    found = _stated(path, "model")
+    if found is None:
         raise InputError.of(path, "model", None, "the file does not name its model; d2ea optimise writes it")
     return found
+
+
+def converter_of(path: Path) -> str | None:
+    """The converter that a table is for, as :func:`stated_converter` says it; None where the file does not say it."""
+    found = _stated(path, "converter")
+    return None if found == UNKNOWN else found
+
+
+def _stated(path: Path, name: str) -> str | None:
+    """What a file says of its origin."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".csv":
+        found = next(iter(pd.read_csv(path).get(name, pd.Series(dtype=str))), None)
+    elif path.suffix == ".json":
+        found = json.loads(text).get(name)
+    else:
+        match = re.search(rf'^#define D2EA_LUT_{name.upper()} "([^"]+)"', text, re.MULTILINE)
+        found = match[1] if match else None
+    return found if isinstance(found, str) else None

@@ -121,7 +121,7 @@ class Retrainer:
         self.say(f"the best modulation of the {candidate.kind} model over load")
         searched = vouched(candidate)
         lut = self.search.table(searched, self.search.exactly(searched), record.metrics[HALF_WIDTH])
-        files = write_beside(self.registry.root / record.id, lut, LutOrigin.of(record))
+        files = write_beside(self.registry.root / record.id, lut, LutOrigin.of(record, self.simulator))
         noted = self.journal.note(decision)  # last: a model in use always has its table
         return Retraining(said=said_of(noted), decision=noted, lut=lut, files=files)
 

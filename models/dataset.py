@@ -27,6 +27,7 @@ from models.screening import (
     numbers,
     screen,
 )
+from models.switching_frequency import stated_frequencies
 
 SET_POINT = ("D1", "D2", "P2_W")
 _NO_FILE = "table"  # what a frame is called
@@ -97,7 +98,8 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
 
 
 def _unknown(frame: pd.DataFrame) -> tuple[str, ...]:
-    unknown = [str(column) for column in frame.columns if column not in KNOWN_COLUMNS]
+    stated = {each.column for each in stated_frequencies(frame, range(1, len(frame) + 1)) if each.sure}
+    unknown = [str(column) for column in frame.columns if column not in (*KNOWN_COLUMNS, *stated)]
     return (f"unknown columns, kept and ignored: {', '.join(unknown)}",) if unknown else ()
 
 

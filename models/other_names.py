@@ -14,7 +14,8 @@ _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2,
             "min": 60.0, "h": 3600.0}  # fmt: skip
 _OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
 _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a stroke or an underscore
-    r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|[ _/]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|s|%|percent|°C)\s*$"
+    r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|"
+    r"[ _/]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°C)\s*$"
 )
 _ALSO_CALLED = {
     "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad"),
@@ -128,7 +129,7 @@ def meant(required: Sequence[str], optional: Sequence[str], there: Sequence[str]
     >>> meant(["D1", "P2_W"], ["D0"], ["Tastgrad D1", "P_2", "D_0"])
     {'D1': 'Tastgrad D1', 'P2_W': 'P_2'}
     """
-    left = {_bare(column): column for column in reversed(there)}
+    left = {bare(column): column for column in reversed(there)}
     found = {}
     for asked, find in (((*required, *optional), _same), (required, _a_word_of_it), (required, _alike)):
         for ours in asked:
@@ -156,8 +157,7 @@ def as_option(ours: str, theirs: str) -> str:
     >>> as_option("P2_W", "P2 (kW)"), as_option("P2_W", "Pout/W")
     ('--column "P2_W=P2 (kW)*1000"', '--column "P2_W=Pout/W"')
     """
-    unit = _UNIT.search(theirs)
-    factor = _IN_OURS.get(unit["bracketed"] or unit["bare"] or "") if unit else None
+    factor = _IN_OURS.get(unit_in(theirs) or "")
     times = f"*{factor or 1:g}" if factor or "*" in theirs else ""
     return f'--column "{ours}={theirs}{times}"'
 
@@ -167,5 +167,16 @@ def _quantity(ours: str) -> str:
     return next((ours.removesuffix(unit) for unit in _OUR_UNITS if ours.endswith(unit)), ours)
 
 
-def _bare(column: str) -> str:
+def unit_in(header: str) -> str | None:
+    """The unit at the end of a header, if there is one.
+
+    >>> unit_in("fs [kHz]"), unit_in("P_in/W"), unit_in("D1")
+    ('kHz', 'W', None)
+    """
+    unit = _UNIT.search(header)
+    return (unit["bracketed"] or unit["bare"]) if unit else None
+
+
+def bare(column: str) -> str:
+    """A header without its unit, in lower case, in one word."""
     return _UNIT.sub("", column).strip().lower().replace(" ", "_")

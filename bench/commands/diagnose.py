@@ -16,7 +16,7 @@ from bench.commands.options import Database, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
-from bench.imported import left_out_by_import, left_out_text
+from bench.imported import frequencies_by_import, left_out_by_import, left_out_text
 from bench.model_file import model_from, write_model
 from bench.report import first_questions
 from bench.so_far import measured_so_far, so_far_text
@@ -35,7 +35,9 @@ from bench.wording import (
     verdict_text,
 )
 from models.dataset import Measurements, load_measurements
+from models.switching_frequency import StatedFrequency, stated_frequencies
 from sim.effects.catalogue import effect
+from sim.model import Model
 from sim.parameters import ParameterError
 
 if TYPE_CHECKING:
@@ -78,11 +80,13 @@ def diagnose(
     table, campaign_id, virtual = measured(data, db)
     where = data if campaign_id is None else f"campaign {data}"
     _check_size(where, table)
+    simulation = model_from(model)
+    _check_frequency(where, _stated(table, campaign_id, db), simulation)
     stamp(virtual)
     try:
         found = find_cause(
             table,
-            model_from(model),
+            simulation,
             without=left_out,
             progress=lambda said: err.print(escape(said)),
             processes=processes,
@@ -121,6 +125,28 @@ def _check_size(where: str, table: Measurements) -> None:
     if (rows := len(table.frame)) > MOST_ROWS:
         rest = f"average the readings of each set point, or keep one row of {-(-rows // MOST_ROWS)}"
         raise InputError.of(where, "rows", rows, f"at most {MOST_ROWS}; {rest}")
+
+
+def _check_frequency(where: str, stated: Sequence[StatedFrequency], simulation: Model) -> None:
+    """InputError for rows that were measured at another switching frequency than the model's."""
+    converter = simulation.converter
+    for each in stated:
+        if each.differs_from(converter.frequency_Hz):
+            allowed = (
+                f"measured at {each.frequency_Hz / 1e3:g} kHz, and the model ({converter.name}) switches at "
+                f"{converter.frequency_Hz / 1e3:g} kHz: link inductance and dead time would be blamed for it. Name a "
+                f"model file with frequency_Hz = {each.frequency_Hz:g} by --model, or keep only rows of the model's "
+                "frequency; where the column means something else, give it another name"
+            )
+            raise InputError.of(where, f"row {each.row}, column {each.column}", each.value, allowed)
+
+
+def _stated(table: Measurements, campaign_id: int | None, db: str | None) -> tuple[StatedFrequency, ...]:
+    """The switching frequencies that a table says, itself or when it was imported."""
+    if campaign_id is None:
+        return stated_frequencies(table.frame, table.rows)
+    with _store(db) as store:
+        return frequencies_by_import(store.campaign(campaign_id)["config"])
 
 
 def known_effects(names: Sequence[str]) -> list[str]:

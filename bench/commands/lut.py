@@ -15,12 +15,14 @@ from bench.commands.bench import stop_on_signals
 from bench.commands.live import live
 from bench.commands.options import DEFAULT_FOLDER, Database, Folder, check_folder
 from bench.commands.streams import err, out, stamp
-from bench.config import read_bench
+from bench.config import BenchConfig, read_bench
+from bench.converter_stated import check_same_converter, stated_converter
 from bench.errors import BenchError, InputError
-from bench.lut_file import LutOrigin, check_lut_ending, read_lut, write_beside, write_lut
+from bench.lut_file import LutOrigin, check_lut_ending, converter_of, read_lut, write_beside, write_lut
 from bench.lut_on_bench import following, load_into_controller, table_rows, verification, verified
 from bench.model_file import model_from, read_model, simulator_for
 from bench.optimum import BestModulation, loads_of
+from bench.prediction import model_of
 from bench.store import Store, database_url
 from bench.table_file import check_ending, write_table
 from bench.training import HALF_WIDTH, efficiency_of
@@ -82,8 +84,9 @@ def optimise(
     search = BestModulation(simulator=simulator, loads_W=asked_W or loads_of(own))
     optimum = search.best(model, seed)
     lut = search.table(model, optimum, record.metrics.get(HALF_WIDTH, math.nan))
-    write_lut(lut, out_file, LutOrigin.of(record))
-    write_beside(folder / record.id, lut, LutOrigin.of(record))
+    origin = LutOrigin.of(record, simulator)
+    write_lut(lut, out_file, origin)
+    write_beside(folder / record.id, lut, origin)
     stamp(bool(record.virtual))
     out.print(escape(f"model {record.id} ({record.kind}), {optimum.optimiser}"))
     _tell(lut, optimum)
@@ -143,7 +146,7 @@ def chosen(registry: Registry, model_id: str | None) -> ModelRecord:
 @lut_app.command()
 def load(file: LutFile, bench_file: BenchFile) -> None:
     """Load a table into the controller and read it back; it is not yet in use."""
-    table, config = read_lut(file), read_bench(bench_file)
+    table, config = _for_this_bench(file, bench_file)
     stamp(config.virtual)
     held = load_into_controller(config, table)
     shown = Table("P / W", "D1", "D2", box=None)
@@ -151,6 +154,20 @@ def load(file: LutFile, bench_file: BenchFile) -> None:
         shown.add_row(f"{row.power_W:.0f}", f"{row.D1:.4f}", f"{row.D2:.4f}")
     out.print(escape(f"{held.identity} holds {len(held.rows)} rows, read back in whole PWM counts:"))
     out.print(shown)
+
+
+def _for_this_bench(file: Path, bench_file: Path) -> tuple[pd.DataFrame, BenchConfig]:
+    """A table and the bench that it is for; says so where the table does not tell, InputError where it is another's."""
+    table, config = read_lut(file), read_bench(bench_file)
+    model = model_of(config.converter)
+    if (stated := converter_of(file)) is None:
+        own = f"bench {config.name!r} has {stated_converter(model)!r}"
+        err.print(
+            escape(f"{file} does not say which converter it is for; {own}: make sure that it is the one")
+        )
+    else:
+        check_same_converter(file, stated, config.name, model)
+    return table, config
 
 
 @lut_app.command()
@@ -166,7 +183,7 @@ def verify(
     if out_file is not None:
         check_ending(out_file)
         check_folder(out_file.parent, "--out")
-    table, config = read_lut(file), read_bench(bench_file)
+    table, config = _for_this_bench(file, bench_file)
     stamp(config.virtual)
     job = verification(table, config, name=f"verify {file.name}")
     with Store(database_url(db, config.database)) as store, stop_on_signals():

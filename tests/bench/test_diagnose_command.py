@@ -118,6 +118,26 @@ def test_a_table_of_another_converter_is_wrong_use(
     assert said in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize("imported", [False, True])
+def test_rows_at_another_switching_frequency_are_refused_with_both(
+    imported: bool,
+    table: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    frame = pd.read_csv(table)
+    frame.assign(fs_kHz=[20.0] * 3 + [30.0] * (len(frame) - 3)).to_csv("fast.csv", index=False)
+    if imported:
+        assert _run("import", "fast.csv") == 0
+    assert _run("diagnose", "1" if imported else "fast.csv") == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "row 4, column fs_kHz = '30': measured at 30 kHz" in said
+    assert "switches at 20 kHz" in said
+    assert "frequency_Hz = 30000" in said
+
+
 def test_more_rows_than_there_is_memory_for_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,18 +4,26 @@ import json
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from bench.converter_stated import check_same_converter, stated_converter
 from bench.errors import InputError
-from bench.lut_file import LutOrigin, model_of, read_lut, write_lut
+from bench.lut_file import LutOrigin, converter_of, model_of, read_lut, write_lut
 from models.lut import Lut
+from sim.model import Model
 
 ORIGIN = LutOrigin(
-    model="0123456789ab", kind="d2ea", data_sha256="ab" * 32, data="x.sqlite */ campaign 1", lab="virtual lab"
+    model="0123456789ab",
+    kind="d2ea",
+    data_sha256="ab" * 32,
+    data="x.sqlite */ campaign 1",
+    lab="virtual lab",
+    converter=stated_converter(Model.baseline()),
 )
 LUT = Lut(
     power_W=np.array([200.0, 600.0, 1000.5]),
@@ -46,6 +54,26 @@ def test_rows_read_back_are_the_rows_written(file: Path) -> None:
 def test_every_file_names_its_model_and_its_lab(file: Path) -> None:
     assert model_of(file) == ORIGIN.model
     assert "virtual lab" in file.read_text().lower()
+
+
+def test_every_file_names_its_converter(file: Path) -> None:
+    assert converter_of(file) == ORIGIN.converter
+
+
+def test_a_table_that_does_not_say_is_of_no_known_converter(tmp_path: Path) -> None:
+    LUT.frame()[["P_W", "D1", "D2"]].to_csv(tmp_path / "own.csv", index=False)
+    assert converter_of(tmp_path / "own.csv") is None
+    write_lut(LUT, tmp_path / "lut.json", replace(ORIGIN, converter="not stated"))
+    assert converter_of(tmp_path / "lut.json") is None
+
+
+@pytest.mark.parametrize("name", ["lut.csv", "lut.json", "lut.h"])
+def test_a_table_is_of_its_own_converter_whatever_that_is_called(name: str, tmp_path: Path) -> None:
+    called = Model(converter=replace(Model.baseline().converter, name='Prüfling "A" \\ 2 // */'))
+    write_lut(LUT, tmp_path / name, replace(ORIGIN, converter=stated_converter(called)))
+    check_same_converter(name, converter_of(tmp_path / name) or "", "bench", called)
+    with pytest.raises(InputError, match="other D1 and D2 are right for it"):
+        check_same_converter(name, converter_of(tmp_path / name) or "", "bench", Model.baseline())
 
 
 def test_an_interval_ends_at_one() -> None:
