@@ -1,7 +1,8 @@
 """Variants of one converter as one converter whose differing values are arrays."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass
+from operator import attrgetter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,6 +15,7 @@ T = TypeVar("T")
 FIXED = {"frequency_Hz", "junction_V", "grading", "alpha", "beta", "area_m2", "volume_m3", "turns",
           "turns_ratio", "V1_V", "V2_V", "rated_power_W", "part", "name", "saturation_A", "synchronous", "modulation",
           "tolerances"}  # fmt: skip
+_PLAIN = (float, str, bool, int)
 
 
 def stack(converters: Sequence[Converter], repeats: int) -> Converter:
@@ -32,30 +34,36 @@ def _stack(objects: list[Any], repeats: int) -> Any:
     if all(other is first for other in objects):
         return first
     changed: dict[str, Any] = {}
-    for field in fields(first):
-        values = [getattr(o, field.name) for o in objects]
+    for name in _names(first):
+        values = list(map(attrgetter(name), objects))
         if is_dataclass(values[0]):
-            changed[field.name] = _stack(values, repeats)
-        elif any(v != values[0] for v in values[1:]):
-            if field.name in FIXED:
-                raise ParameterError(f"variants differ in {type(first).__name__}.{field.name}: {set(values)}")
-            changed[field.name] = np.repeat(np.array(values, dtype=float), repeats)
+            changed[name] = _stack(values, repeats)
+        elif values.count(values[0]) < len(values):
+            if name in FIXED:
+                raise ParameterError(f"variants differ in {type(first).__name__}.{name}: {set(values)}")
+            changed[name] = np.repeat(np.array(values, dtype=float), repeats)
     return _with(first, changed)
+
+
+def _names(parameters: Any) -> Iterable[str]:
+    """Names of a parameter object's fields, without asking for the fields themselves: that costs as much as to pick."""
+    return parameters.__dataclass_fields__  # type: ignore[no-any-return]
 
 
 def pick(parameters: T, chosen: np.ndarray[Any, Any]) -> T:
     """Stacked parameters at some of their points; a part without arrays is handed back as it is."""
     changed: dict[str, Any] = {}
-    for field in fields(parameters):  # type: ignore[arg-type]
-        value = getattr(parameters, field.name)
-        if is_dataclass(value):
-            part = pick(value, chosen)
-            if part is not value:
-                changed[field.name] = part
-        elif isinstance(value, np.ndarray):
-            changed[field.name] = value[chosen]
-        elif isinstance(value, dict) and any(isinstance(v, np.ndarray) for v in value.values()):
-            changed[field.name] = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in value.items()}
+    for name in _names(parameters):
+        value = getattr(parameters, name)
+        if isinstance(value, _PLAIN):  # most are
+            continue
+        if isinstance(value, np.ndarray):
+            changed[name] = value[chosen]
+        elif isinstance(value, dict):
+            if any(isinstance(v, np.ndarray) for v in value.values()):
+                changed[name] = {k: v[chosen] if isinstance(v, np.ndarray) else v for k, v in value.items()}
+        elif is_dataclass(value) and (part := pick(value, chosen)) is not value:
+            changed[name] = part
     return _with(parameters, changed) if changed else parameters
 
 
@@ -87,7 +95,6 @@ def put(whole: Any, rows: np.ndarray[Any, Any], part: Any) -> None:
 def _with(parameters: T, changed: dict[str, Any]) -> T:
     """A copy with other values; they stem from parameters that were checked, and are not checked again."""
     copy = object.__new__(type(parameters))
-    for field in fields(parameters):  # type: ignore[arg-type]
-        value = changed[field.name] if field.name in changed else getattr(parameters, field.name)
-        object.__setattr__(copy, field.name, value)
+    for name in _names(parameters):
+        object.__setattr__(copy, name, changed[name] if name in changed else getattr(parameters, name))
     return copy

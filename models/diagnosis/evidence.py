@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import Fit, Term, Weighed, evidence_of, weigh
+from models.diagnosis.hypotheses import Fit, Term, WeighedBeside, evidence_of, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery, hopeless
 from models.diagnosis.signatures import Signature, step_of
@@ -76,18 +76,15 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
         log[k] = log_prior(fit, catalogue)
         log[k] += shares
-        log[k, 0] += beside.log_evidence[0]  # as _last_word has it
+        log[k, 0] += beside.log_evidence[0]
         log[k, 1:] += beside.promised[1:]
     probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
     counts = (probability > NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
     counts[:, 0] = True  # without leftover
+    settled = [_settled(*each) for each in zip(fits, weighed, counts, strict=True)]
     order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
     return [
-        Hypothesis(
-            fit=_settled(fits[k], leftovers[c], weighed[k].at(c)),
-            leftover=leftovers[c],
-            probability=float(probability[k, c]),
-        )
+        Hypothesis(fit=settled[k][c], leftover=leftovers[c], probability=float(probability[k, c]))
         for k, c in order
         if counts[k, c]
     ]
@@ -107,15 +104,19 @@ def _log_share(leftover: Leftover | None, shared_by: int) -> float:
     return math.log(1 - P_LEFTOVER if leftover is None else P_LEFTOVER / shared_by)
 
 
-def _last_word(w: Weighed, leftover: Leftover | None) -> float:
-    """Without leftover the simulator has the last word; beside one the tangents have."""
-    return w.log_evidence if leftover is None else w.promised
+def _settled(fit: Fit, beside: WeighedBeside, counts: NDArray[np.bool_]) -> dict[int, Fit]:
+    """The fit at its best values beside each leftover that counts (L,), with their deviations.
 
-
-def _settled(fit: Fit, leftover: Leftover | None, w: Weighed) -> Fit:
-    """The fit at its best values, with their deviations."""
-    terms = tuple(replace(t, sigma=float(s)) for t, s in zip(fit.terms, w.sigma, strict=True))
-    return replace(fit, terms=terms, log_evidence=_last_word(w, leftover)).moved(w.step)
+    Without leftover, the first, the simulator has the last word; beside one the tangents have.
+    """
+    places = np.flatnonzero(counts)
+    steps, sigmas = beside.step[places].tolist(), beside.sigma[places].tolist()
+    settled: dict[int, Fit] = {}
+    for c, step, sigma in zip(places.tolist(), steps, sigmas, strict=True):
+        terms = tuple(t.moved(s, sigma=d) for t, s, d in zip(fit.terms, step, sigma, strict=True))
+        evidence = beside.promised[c] if c else beside.log_evidence[0]
+        settled[c] = fit.at(terms, float(evidence))
+    return settled
 
 
 def on_tangents(refinery: Refinery) -> list[Fit]:

@@ -90,13 +90,15 @@ class Term:
             return self
         return replace(self, slope=np.where(np.isfinite(slope), slope, self.slope))
 
-    def moved(self, step: float) -> Self:
-        """The value moved, at most to its bounds."""
-        return self.at(min(max(self.value + step, self.head.lower), self.head.upper))
+    def moved(self, step: float, sigma: float | None = None) -> Self:
+        """The value moved, at most to its bounds; with another deviation where one is given."""
+        head = self.head
+        return self.at(min(max(self.value + step, head.lower), head.upper), sigma)
 
-    def at(self, value: float) -> Self:
+    def at(self, value: float, sigma: float | None = None) -> Self:
         """The same slope at another value; as ``replace``, in a third of its time."""
-        return type(self)(signature=self.signature, value=value, sigma=self.sigma, slope=self.slope)
+        sigma = self.sigma if sigma is None else sigma
+        return type(self)(signature=self.signature, value=value, sigma=sigma, slope=self.slope)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,9 +140,19 @@ class Fit:
 
     def moved(self, steps: Array) -> Self:
         """Every value moved along its slope."""
-        terms = tuple(t.moved(s) for t, s in zip(self.terms, steps.tolist(), strict=True))
+        return self.at(tuple(t.moved(s) for t, s in zip(self.terms, steps.tolist(), strict=True)))
+
+    def at(self, terms: tuple[Term, ...], log_evidence: float | None = None) -> Self:
+        """The same terms at other values, moved there along their slopes; with another evidence where one is given."""
         change = sum((new.value - old.value) * old.slope for new, old in zip(terms, self.terms, strict=True))
-        return replace(self, terms=terms, shift=self.shift + change)
+        evidence = self.log_evidence if log_evidence is None else log_evidence
+        return type(self)(
+            terms=terms,
+            shift=self.shift + change,
+            log_evidence=evidence,
+            bend=self.bend,
+            spreads=self.spreads,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
