@@ -121,7 +121,7 @@ def _filled(lines: Iterator[list[str]], header: list[str], skipped: int) -> Iter
         if len(stripped) > len(header):
             raise CsvError(
                 f"line {place} has {len(stripped)} values for {len(header)} columns, the header being line "
-                f"{skipped + 1}; {_SEPARATED}"
+                f"{skipped + 1}{_perhaps_the_header(stripped, place)}; {_SEPARATED}"
             )
         if place - begins >= _RUNS_ON:
             raise CsvError(
@@ -130,6 +130,15 @@ def _filled(lines: Iterator[list[str]], header: list[str], skipped: int) -> Iter
             )
         if any(stripped):
             yield place, stripped
+
+
+def _perhaps_the_header(values: list[str], place: int) -> str:
+    """What to do where the line without a number in it is the header, below what an instrument wrote of itself."""
+    if any(re.fullmatch(r"[-+\d.,eE]+", value) for value in values):
+        return ""
+    return (
+        f". If line {place} is the header, delete the lines above it, or begin each of them with {_COMMENT}"
+    )
 
 
 def _named(frame: pd.DataFrame) -> pd.DataFrame:

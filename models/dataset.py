@@ -6,6 +6,7 @@ out and listed (:mod:`models.screening`); columns that are not known here are ke
 """
 
 import csv
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,6 +31,7 @@ from models.screening import (
 from models.switching_frequency import stated_frequencies
 
 SET_POINT = ("D1", "D2", "P2_W")
+_TEXT = (".csv", ".txt", ".tsv", ".dat")  # endings of a table as text
 _NO_FILE = "table"  # what a frame is called
 
 
@@ -86,15 +88,26 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
     kept = np.ones(len(frame), dtype=bool)
     kept[[row.row - 1 for row in rejected]] = False
     if not kept.any():
-        first = rejected[0] if rejected else None
-        why = f"none of {len(frame)} rows can be used; {first}" if first else "has a header and no rows"
-        raise DatasetError(f"{name}: {why}")
+        raise DatasetError(f"{name}: {_why_none(rejected)}")
     return Measurements(
         frame=complete(frame[kept].reset_index(drop=True)),
         rows=tuple(int(place) + 1 for place in np.flatnonzero(kept)),
         rejected=rejected,
-        notes=(*read.notes, *_unknown(frame), *notes),
+        notes=(*read.notes, *_unknown(frame), *(converting(note, names) for note in notes)),
     )
+
+
+def _why_none(rejected: Sequence[RejectedRow]) -> str:
+    """Why no row can be used: the reason of most of them, as its first row has it, and how many that are."""
+    if not rejected:
+        return "has a header and no rows"
+    counts = Counter((row.column, row.reason) for row in rejected)
+    most, count = counts.most_common(1)[0]
+    first = next(row for row in rejected if (row.column, row.reason) == most)
+    others = len(rejected) - count
+    alike = f", and so for {count} rows" if count > 1 else ""
+    beside = f"; {others} for other reasons" if others else ""
+    return f"none of {len(rejected)} rows can be used; {first}{alike}{beside}"
 
 
 def _unknown(frame: pd.DataFrame) -> tuple[str, ...]:
@@ -111,12 +124,12 @@ def _whole(frame: pd.DataFrame) -> CsvTable:
 def _read(path: Path, names: Sequence[OtherName]) -> CsvTable:
     numeric = {*NUMERIC_COLUMNS, *(name.theirs for name in names)}
     readers: dict[str, Callable[[Path], CsvTable]] = {
-        ".csv": lambda file: read_csv(file, numeric),
+        **dict.fromkeys(_TEXT, lambda file: read_csv(file, numeric)),
         ".parquet": lambda file: _whole(pd.read_parquet(file)),
     }
     suffix = path.suffix.lower()
     if suffix not in readers:
-        raise DatasetError(f"{path}: the name ends in {path.suffix!r}; allowed are .csv and .parquet")
+        raise DatasetError(f"{path}: the name ends in {path.suffix!r}; allowed are {', '.join(readers)}")
     if not path.is_file():
         raise DatasetError(f"{path}: no such file")
     try:
@@ -157,7 +170,7 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
         for column in missing
     )
     required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there)}"
-    if foreign:
+    if foreign and len(there) > 1:
         example = " ".join(as_option(*pair) for pair in near.items()) or "--column OURS=THEIRS*FACTOR"
         file = "" if name == _NO_FILE else f'"{name}" '
         required += f"; other names and units are taken by d2ea import {file}{example}"

@@ -12,11 +12,14 @@ from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS
 
 _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "ms": 1e-3,
             "min": 60.0, "h": 3600.0}  # fmt: skip
+_IN_HALF_PERIODS = {"deg": 1 / 180, "°": 1 / 180, "degrees": 1 / 180, "Grad": 1 / 180, "rad": 1 / math.pi}
+_DUTIES = ("D0", "D1", "D2")
 _OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
 _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a stroke or an underscore
     r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|"
-    r"[ _/]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°C)\s*$"
+    r"[ _/:]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°C)\s*$"
 )
+_EXCHANGED = re.compile(r"\b(?P<ours>P1_W|P2_W)=(?P<other>P1_W|P2_W)(?!\*)")
 _ALSO_CALLED = {
     "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad"),
     "D2": ("inner_phase_shift", "innere_phase"),
@@ -87,18 +90,18 @@ def renamed(raw: pd.DataFrame, names: Sequence[OtherName]) -> pd.DataFrame:
     OtherNameError
         The table has no such column, or has the one that it would become.
     """
-    frame = raw.copy()
+    frame = raw.drop(columns=[name.theirs for name in names], errors="ignore")
     for name in names:
         there = ", ".join(str(column) for column in raw.columns)
         if name.theirs not in raw.columns:
             raise OtherNameError(f"there is no column {name.theirs!r}; there are: {there}")
-        if name.ours in raw.columns and name.ours != name.theirs:
+        if name.ours in frame.columns:
             raise OtherNameError(f"column {name.ours!r} is there already, beside {name.theirs!r}")
         values = raw[name.theirs]
         if name.factor != 1.0:
             number = pd.to_numeric(values, errors="coerce")
             values = (number * name.factor).astype(object).where(number.notna(), values)
-        frame = frame.drop(columns=name.theirs).assign(**{name.ours: values})
+        frame = frame.assign(**{name.ours: values})
     return frame
 
 
@@ -108,7 +111,11 @@ def converting(said: str, names: Sequence[OtherName]) -> str:
     >>> pin = OtherName(ours="P1_W", theirs="Pin (kW)", factor=10.0)
     >>> converting("d2ea import --column P1_W=P1_W*100 converts it", [pin])
     'd2ea import --column "P1_W=Pin (kW)*1000" converts it'
+    >>> pout = OtherName(ours="P2_W", theirs="Pout")
+    >>> converting("d2ea import --column P1_W=P2_W --column P2_W=P1_W exchanges them", [pin, pout])
+    'd2ea import --column "P1_W=Pout" --column "P2_W=Pin (kW)*10" exchanges them'
     """
+    said = _EXCHANGED.sub(lambda pair: _of_another(pair, names), said)
     for name in names:
         ours = re.escape(name.ours)
         option = re.search(rf"{ours}={ours}\*(-?[\d.]+)", said)
@@ -116,6 +123,15 @@ def converting(said: str, names: Sequence[OtherName]) -> str:
             typed = f'"{name.ours}={name.theirs}*{name.factor * float(option[1]):g}"'
             said = said.replace(option[0], typed)
     return said
+
+
+def _of_another(pair: re.Match[str], names: Sequence[OtherName]) -> str:
+    """``OURS=OTHER``, with what this table calls that other column, in the unit that it has there."""
+    name = next((name for name in names if name.ours == pair["other"]), None)
+    if name is None:
+        return pair[0]
+    times = "" if name.factor == 1.0 else f"*{name.factor:g}"
+    return f'"{pair["ours"]}={name.theirs}{times}"'
 
 
 def meant(required: Sequence[str], optional: Sequence[str], there: Sequence[str]) -> dict[str, str]:
@@ -156,8 +172,11 @@ def as_option(ours: str, theirs: str) -> str:
 
     >>> as_option("P2_W", "P2 (kW)"), as_option("P2_W", "Pout/W")
     ('--column "P2_W=P2 (kW)*1000"', '--column "P2_W=Pout/W"')
+    >>> as_option("D2", "phase [deg]")
+    '--column "D2=phase [deg]*0.00555556"'
     """
-    factor = _IN_OURS.get(unit_in(theirs) or "")
+    known = _IN_OURS | (_IN_HALF_PERIODS if ours in _DUTIES else {})
+    factor = known.get(unit_in(theirs) or "")
     times = f"*{factor or 1:g}" if factor or "*" in theirs else ""
     return f'--column "{ours}={theirs}{times}"'
 

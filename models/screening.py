@@ -27,7 +27,8 @@ NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overra
 KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 is a power written in kW
 ABSOLUTE_ZERO_C = -273.15
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
-TIMES_OF_DAY = ("2026-11-20T22:14:05", "20.11.2026 22:14:05")
+TIMES_OF_DAY = ("2026-11-20T22:14:05", "20.11.2026 22:14:05", "22:14:05")
+_NOT_AMPERES = 1.5  # times: more than any ripple or error of an instrument, and less than any other unit
 DISAGREEMENT = 0.005  # of efficiency against P2/P1: more than the rounding of printed powers explains
 
 
@@ -107,7 +108,10 @@ CHECKS = (
         lambda f: f["P2_W"] > 500 * f["P1_W"],
     ),
     Check(
-        "P2_W", "above P1_W: more power out than in; are the two exchanged?", lambda f: f["P2_W"] > f["P1_W"]
+        "P2_W",
+        "above P1_W: more power out than in; if the two are exchanged, "
+        "d2ea import --column P1_W=P2_W --column P2_W=P1_W puts them right",
+        lambda f: f["P2_W"] > f["P1_W"],
     ),
     Check(
         "efficiency",
@@ -133,6 +137,7 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
             frame[column] = np.nan
         if column in raw and column in OPTIONAL_COLUMNS:
             notes += _blank(frame, raw, column)
+    notes += [note for port in ("1", "2") for note in _check_current(frame, port)]
     kind = raw["kind"] if "kind" in raw else pd.Series("load", index=raw.index)
     frame["kind"] = kinds(kind)
     return frame, tuple(notes)
@@ -152,7 +157,7 @@ def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]
         times = _times_of_day(raw["time_s"])
         given, what = (times - times.min()).dt.total_seconds(), "times of day"
         if given.isna().all():
-            return raw, [f"time_s: allowed are seconds, or times of day like {' or '.join(TIMES_OF_DAY)}"]
+            return raw, [f"time_s: allowed are seconds, or times of day like {', '.join(TIMES_OF_DAY)}"]
     elif not (given.min() < 0 or given.min() > LONGEST_S):
         return raw, []
     said = f"time_s: {what} (the first row's is {raw['time_s'].iloc[0]}), taken as seconds since the earliest"
@@ -161,12 +166,25 @@ def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]
 
 def _times_of_day(given: pd.Series) -> pd.Series:
     """Times from text: ISO 8601, or where that reads none of them, day, month and year with points between them."""
+    if (hours := _hours_of_a_day(given)).notna().any():
+        return hours
     times = pd.to_datetime(given, errors="coerce", utc=True, format="ISO8601")
     for form in ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M"):
         times = (
             times if times.notna().any() else pd.to_datetime(given, errors="coerce", utc=True, format=form)
         )
     return times
+
+
+def _hours_of_a_day(given: pd.Series) -> pd.Series:
+    """Times without a date, such as 22:14:05, as those of one day, and of the next ones after each midnight."""
+    times = pd.to_datetime(given.astype(str), errors="coerce", utc=True, format="%H:%M:%S.%f")
+    whole = pd.to_datetime(given, errors="coerce", utc=True, format="%H:%M:%S")
+    times = times.fillna(whole)
+    back = times.ffill().diff() < -pd.Timedelta(
+        hours=12
+    )  # rows out of order lie closer, midnight lies farther
+    return times + pd.to_timedelta(back.cumsum(), unit="D")
 
 
 def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
@@ -183,6 +201,27 @@ def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
     count = f"{int(unusable.sum())} of {len(frame)}"
     return [
         f"{column}: {count} values cannot be and are left empty (row {first + 1}: {raw[column].iloc[first]})"
+    ]
+
+
+def _check_current(frame: pd.DataFrame, port: str) -> list[str]:
+    """Leave a current empty that is not in amperes: at a dc port voltage times current is power."""
+    voltage, current, power = f"V{port}_V", f"I{port}_A", f"P{port}_W"
+    if not {voltage, current, power} <= set(frame):
+        return []
+    of = frame[voltage] * frame[current] / frame[power].where(frame[power] > KILOWATT_LIMIT)
+    ratio = float(of.median())
+    if not np.isfinite(ratio) or 1 / _NOT_AMPERES < ratio < _NOT_AMPERES:
+        return []
+    frame[current] = np.nan
+    thousand = {-3: "*1000", 3: "*0.001"}.get(round(float(np.log10(abs(ratio))))) if ratio else None
+    known = (
+        f"; in another unit, d2ea import --column {current}={current}{thousand} converts it"
+        if thousand
+        else ""
+    )
+    return [
+        f"{current}: {voltage} * {current} is {ratio:.4g} times {power} (median), so it is left empty{known}"
     ]
 
 

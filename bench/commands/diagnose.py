@@ -93,8 +93,9 @@ def diagnose(
         )
     except TooFewPoints as error:
         asked = "measure more set points of D1, D2 and power"
-        said = f"{error} If it is, {asked}" if str(error).endswith("?") else f"{error}; {asked}"
-        raise InputError.of(where, "rows", None, said) from error
+        if table.rejected:
+            asked = f"put right what those rows were left out for, or {asked}"
+        raise InputError.of(where, "rows", None, f"{error}; {asked}") from error
     except ImplausibleTable as error:
         raise InputError.of(where, "columns", None, str(error)) from error
     write_model(out_dir / "model.toml", found.extended)

@@ -183,7 +183,7 @@ def test_times_of_day_become_seconds_since_the_first(times, seconds):
 def test_times_that_are_not_read_are_told_with_what_is_allowed():
     result = load_measurements(table({"time_s": "05/01/2024 8 PM"}))
     assert result.notes[0] == (
-        "time_s: allowed are seconds, or times of day like 2026-11-20T22:14:05 or 20.11.2026 22:14:05"
+        "time_s: allowed are seconds, or times of day like 2026-11-20T22:14:05, 20.11.2026 22:14:05, 22:14:05"
     )
     assert "row 1: 05/01/2024 8 PM" in result.notes[1]
 
