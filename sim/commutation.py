@@ -34,7 +34,7 @@ _TINY_A = 1e-30
 _LEAST = 1e-14  # square of a movement, in intervals, that is none
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Commutation:
     """The dead times of all edges, arrays of one shape.
 
@@ -93,7 +93,7 @@ class Curves:
         return low + risen, rise, self.integral[index] + part * (low + 0.5 * risen)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Drops:
     r"""What a bridge's drops take from the slope of the link current, arrays (K,) in A/s unless told.
 
@@ -125,7 +125,7 @@ class Drops:
         return self.zero + np.abs(level) * self.even, level * self.odd
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Meeting:
     """K groups of m legs each whose dead times meet, the first to open first; arrays (m, K) unless told.
 

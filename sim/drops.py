@@ -25,7 +25,7 @@ _TINY_V = 1e-30
 _NONE = 1e-13  # of what a link voltage of the primary moves the current by in Th: no current of the secondary
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Moment:
     """Known voltages, and the magnetizing current with its slope, all (N,)."""
 
@@ -43,7 +43,7 @@ class Moment:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Stretch:
     """How long is left of a stretch (N,); at its start also its whole length and the time since it began."""
 
@@ -54,7 +54,7 @@ class Stretch:
         self, circuit: Circuit, current_A: Array, driven_V: Array, law: "DropsOf"
     ) -> "_Turning | None":
         """Points whose current may change its sign in a stretch that begins now; None where all stretches are long."""
-        if self.whole is None or not np.any(self.whole[0] < circuit.dead_time_s):
+        if self.whole is None or not (self.whole[0] < circuit.dead_time_s).any():
             return None
         return _Turning.of(circuit, current_A, driven_V, law, self.whole)
 
@@ -75,7 +75,7 @@ def secondary_law(circuit: Circuit, nvs_V: Array, sign: Array) -> Law:
     return V0, R
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class _Turning:
     r"""Points whose current may change its sign in a stretch shorter than a dead time, all (K,).
 
@@ -108,7 +108,7 @@ class _Turning:
         """
         length_s, past_s = whole
         far = length_s / circuit.inductance_H * (np.abs(driven_V) + circuit.V1_V)
-        rows = np.flatnonzero((length_s < circuit.dead_time_s) & (np.abs(current_A) < far))
+        (rows,) = np.nonzero((length_s < circuit.dead_time_s) & (np.abs(current_A) < far))
         part = circuit.take(rows)
         (up_V, up_R), (down_V, down_R) = (law(part, rows, sign) for sign in (1.0, -1.0))
         per_L, past = (
@@ -189,7 +189,7 @@ class _Behind:
         self.R[rows] = np.where(np.abs(sign) < 1.0, mean_R, np.where(sign > 0, up_R, down_R))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Dropped:
     """The loop at the start of a piece, (N,): the voltage that is left, and all resistance.
 

@@ -36,7 +36,7 @@ _CROSSINGS = 2  # steps: the line is a hundredth of the slope
 _MEETINGS = 4  # with the magnetizing current: its slope may be most of the difference
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class _Start:
     """Pieces from a current at known voltages: what drives it, how it decays, the sign that it has or takes.
 
@@ -120,7 +120,7 @@ class _Start:
         return t
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class _Ends:
     """Points whose pieces end early: when, at what current, and how fast the limit moves that they meet; all (K,)."""
 

@@ -43,8 +43,8 @@ def _integrate(legs: "_Alone | _Together", curves: Curves, whole: Commutation, r
     for k in range(legs.steps):
         if k in legs.looks:
             stays = legs.finish(k)
-            if np.any(stays):
-                done, going = np.flatnonzero(stays), np.flatnonzero(~stays)
+            if stays.any():
+                (done,), (going,) = stays.nonzero(), (~stays).nonzero()
                 whole.put(columns + rows[done], legs.outcome(done))
                 if not going.size:
                     return

@@ -136,15 +136,19 @@ class Geometry:
             each_other=each_other, on_spreads=on_spreads, on_basis=np.empty((0, len(each_other)))
         )
 
-    def directions(self, vectors: Array) -> Directions:
-        """Vectors (k, M) with all that does not change from one use to the next."""
-        solved = self.whitener.solve(vectors.T)
-        seen = Projection(
-            each_other=vectors @ solved,
-            on_spreads=self.spreads_solved @ vectors.T,
-            on_basis=self._on_basis(solved),
-        )
-        return Directions(vectors=vectors, solved=solved.T, seen=seen)
+    def directions(self, each: Sequence[Array]) -> list[Directions]:
+        """Sets of vectors (k, M) with all that does not change from one use to the next, in one look."""
+        whole = np.concatenate(each).T
+        solved = self.whitener.solve(whole)
+        on_spreads, on_basis = self.spreads_solved @ whole, self._on_basis(solved)
+        found = []
+        for vectors, (a, b) in zip(each, pairwise(np.cumsum([0, *map(len, each)]).tolist()), strict=True):
+            own = solved[:, a:b].copy()  # side by side, as products with them run fastest
+            seen = Projection(
+                each_other=vectors @ own, on_spreads=on_spreads[:, a:b], on_basis=on_basis[:, a:b]
+            )
+            found.append(Directions(vectors=vectors, solved=own.T, seen=seen))
+        return found
 
     def between(self, directions: Sequence[Directions]) -> Projection:
         """Products of directions with each other and the spreads."""

@@ -119,5 +119,13 @@ class Laws:
         if distance == 0.0 or self.geometry is None or key not in self.columns:
             return None
         if key not in self._found:
-            self._found[key] = self.geometry.directions(self.columns[key])
+            self.find([signature])
         return self._found[key].scaled(abs(distance))
+
+    def find(self, signatures: Iterable[Signature]) -> None:
+        """Products of these signatures' columns, of all that are not known yet at once."""
+        every = dict.fromkeys(map(_key, signatures))
+        keys = [key for key in every if key in self.columns and key not in self._found]
+        if keys and self.geometry is not None:
+            own = [self.columns[key] for key in keys]
+            self._found.update(zip(keys, self.geometry.directions(own), strict=True))

@@ -83,6 +83,7 @@ class Refinery:
 
     def with_laws(self, fits: Sequence[Fit], seen: Sequence[Projection]) -> list[Projection]:
         """Projections of fits' vectors with the columns of their laws."""
+        self.laws.find(t.signature for fit in fits for t in fit.terms if t.distance)
         found = []
         for fit, own in zip(fits, seen, strict=True):
             law = self.law(fit)

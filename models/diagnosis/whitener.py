@@ -144,7 +144,8 @@ class Whitener:
             products[np.ix_(there, there)] += part @ inverse @ part.T
             onto[:, there] += self.pulled[:, block] @ part.T
         onto = root_solved(self.root, onto)
-        return np.asarray(products - onto.T @ onto)
+        products -= onto.T @ onto
+        return products
 
 
 def _stretch(rows: Rows) -> Block:

@@ -67,3 +67,12 @@ def test_choices_among_vectors_have_the_products_of_each_alone() -> None:
         products, log_det = GEOMETRY.products(seen.of(chosen), spreads)
         np.testing.assert_allclose(found[0][0], products, rtol=1e-12)  # rounding
         assert found[1][0] == pytest.approx(log_det, abs=1e-12)
+
+
+def test_directions_found_together_are_seen_as_each_alone() -> None:
+    for found, vectors in zip(GEOMETRY.directions([VECTORS, SPREADS]), (VECTORS, SPREADS), strict=True):
+        expected = GEOMETRY.project(vectors)
+        np.testing.assert_allclose(found.seen.each_other, expected.each_other, rtol=1e-9)  # rounding
+        np.testing.assert_allclose(found.seen.on_spreads, expected.on_spreads, rtol=1e-9)
+        np.testing.assert_allclose(found.seen.on_basis, expected.on_basis, rtol=1e-9)
+        np.testing.assert_allclose(found.solved, GEOMETRY.whitener.solve(vectors.T).T, rtol=1e-9)
