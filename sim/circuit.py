@@ -138,7 +138,10 @@ class SwingCurves:
         zero_bias = np.stack(
             np.broadcast_arrays(*(j.zero_bias_F for j in junctions.values()), np.empty(1))[:-1]
         )
-        sets, which = np.unique(zero_bias, axis=1, return_inverse=True)
+        changes = np.any(zero_bias[:, 1:] != zero_bias[:, :-1], axis=0)
+        heads = np.concatenate([[0], np.flatnonzero(changes) + 1])  # points of a variant follow each other
+        sets, of_stretch = np.unique(zero_bias[:, heads], axis=1, return_inverse=True)
+        which = np.repeat(of_stretch.ravel(), np.diff(heads, append=zero_bias.shape[1]))
         edges = (
             (primary, primary.first, converter.V1_V), (primary, primary.second, converter.V1_V),
             (secondary, secondary.first, converter.V2_V), (secondary, secondary.second, converter.V2_V),
@@ -156,7 +159,7 @@ class SwingCurves:
             tables.append([known[transitions, link_V] for _, transitions, link_V in edges])
         return cls(
             values=np.stack([np.stack(table) for table in tables], axis=1),
-            which=np.broadcast_to(which.ravel(), (size,)).astype(np.intp),
+            which=np.broadcast_to(which, (size,)).astype(np.intp),
         )
 
     def take(self, chosen: NDArray[np.intp]) -> "SwingCurves":

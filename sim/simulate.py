@@ -383,12 +383,13 @@ def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
     """Why a point need not be tried, "" where it must; standby is never refused."""
     dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, (len(points),))
     D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
-    reason = infeasible_pulse(D1, D2, dead).astype("U96")
-    reason = np.where(reason == "", outside_modulation(converter.modulation, D1, D2), reason).astype("U96")
+    reason, open_ = np.full(len(points), "", dtype="U96"), np.asarray(points.pwm, dtype=bool).copy()
+    for told in (infeasible_pulse(D1, D2, dead), outside_modulation(converter.modulation, D1, D2)):
+        rows = np.flatnonzero(open_ & (told != ""))
+        reason[rows], open_[rows] = told[rows], False
     most = _ceiling_W(points, converter)
-    for k in np.flatnonzero((reason == "") & (np.abs(points.power_W) >= most)):
+    for k in np.flatnonzero(open_ & (np.abs(points.power_W) >= most)):
         reason[k] = f"D1 and D2 carry less than {most[k]:.0f} W"
-    reason[~np.asarray(points.pwm, dtype=bool)] = ""
     return reason
 
 
