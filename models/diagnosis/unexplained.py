@@ -37,7 +37,7 @@ class Unexplained:
     """A leftover: its most probable place, root mean square in W at the input, formula, and how much that holds.
 
     ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,), whose ``readings`` (n,) of the input power
-    show it; ``size`` its length in sigmas;
+    show it; ``size`` its length in sigmas of what the fit beside it leaves open, errors of its causes' laws included;
     ``probability`` that of any leftover.
     """
 
@@ -80,7 +80,7 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
         rows=rows,
         readings=readings,
         watts=watts,
-        size=float(np.sqrt(geometry.project(shift[None]).each_other[0, 0])),
+        size=float(np.sqrt(shift @ refinery.solve(best.fit, shift[None])[0])),
         probability=probability,
     )
 
