@@ -2,10 +2,10 @@
 
 ::
 
-    schema      1
+    schema      2
     model       the calibrated simulator as plain data: modulation, converter, effects with their values
     variants    the same, one standard deviation along each axis of what the measurements left open
-    leftover    its readings' places, weights and noise, (N, 13), (N,) and (N,), lengths (4,), sizes
+    leftover    its readings' places, weights and noise, (N, 16), (N,) and (N,), lengths (4,), sizes
     bench       V1_V, V2_V, ambient_C and time_s that it speaks of
 """
 
@@ -20,7 +20,7 @@ from models.calibrated import PLAIN, CalibratedPhysics, Leftover
 from models.law_doubts import COLUMNS
 from sim.model import Model
 
-SCHEMA = 1
+SCHEMA = 2
 _BENCH = ("V1_V", "V2_V", "ambient_C", "time_s")
 
 
@@ -61,10 +61,9 @@ def read_calibrated(text: str) -> CalibratedPhysics:
 
 
 def _leftover(plain: Mapping[str, Any]) -> Leftover:
-    plain = {"rough_W": 0.0, "doubt": 1.0, **plain}  # files from before there was one
     values = {f.name: np.asarray(plain[f.name], dtype=np.float64) for f in fields(Leftover)}
     rows = values["weight"].size
-    exact = values["place"].shape == (rows, PLAIN)  # files from before laws were doubted
+    exact = values["place"].shape == (rows, PLAIN)  # the model's laws are not doubted
     wanted = {
         "place": (rows, PLAIN if exact else PLAIN + COLUMNS),
         "weight": (rows,),

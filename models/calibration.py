@@ -73,8 +73,11 @@ class _Readings:
 
     def doubts(self, model: Model) -> Array:
         """What the model's laws may be wrong by at each of them, (N, COLUMNS)."""
-        seen = law_doubts(self.refinery.observations.result(model, self.refinery.near))[self.loads]
-        return np.concatenate([seen, law_doubts(self.edge.result(model))]) if self.edge.value.size else seen
+        converter = model.converter
+        seen = law_doubts(self.refinery.observations.result(model, self.refinery.near), converter)[self.loads]
+        if not self.edge.value.size:
+            return seen
+        return np.concatenate([seen, law_doubts(self.edge.result(model), converter)])
 
     def beside(self, model: Model, simulated: Array, chosen: NDArray[np.bool_], empty: Leftover) -> Leftover:
         """The leftover before the fit at some of them, beside a model that says ``simulated`` (N,)."""

@@ -1,35 +1,44 @@
 r"""What the simulator's loss laws may be wrong by at a point, and how alike two points are in it.
 
-A law is one error all over the map, smooth over it; one of edges changes over a shorter way. What a swing that is cut
-short loses is a curve over the share of the swing that is missing: two points with the same share are off by as much,
-wherever on the map they lie,
+A law is one error all over the map, smooth over it; one of edges changes over a shorter way, and so does what a bridge
+switches at a small current where a swing is cut short. What it costs to close on the rest of a swing is a curve over
+the share of the swing that is missing, the same one for all edges of a bridge: wherever on the map two edges miss as
+much, they are off alike,
 
-.. math:: k(x, x') = a\,a' \exp\Bigl(-\frac{|m - m'|^2}{2 \ell^2}\Bigr)
+.. math:: k(x, x') = \sum_{e, e'} a_e\,a'_{e'} \exp\Bigl(-\frac{(m_e - m'_{e'})^2}{2 \ell^2}\Bigr)
 
-with a the sigma of that loss at a bridge and m the shares that its edges miss.
+over the edges of one bridge, with a the sigma of that loss and m the share that an edge misses.
 """
+
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.inaccuracy import BRIDGES, law_errors
 from sim.modulation import EDGES
+from sim.parameters import Converter
 from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
 _LEFT = 0.5  # Assumption: of a law's doubt, what is left once the spreads of its own constants are fitted
-_SHARE = 0.2  # of a swing: over what a cut-short edge's loss is smooth
-_FIRST = 2 + len(BRIDGES)
-COLUMNS = _FIRST + len(EDGES)
-_OF_BRIDGE = [[_FIRST + k for k, edge in enumerate(EDGES) if edge.startswith(bridge)] for bridge in BRIDGES]
+_SHARE = 0.2  # of a swing: over what the loss of a cut-short edge is smooth
+_REST = 3  # the first column of what closing on the rest may be off by
+_MISSING = _REST + len(EDGES)  # and of the shares
+COLUMNS = _MISSING + len(EDGES)
+_OF_BRIDGE = [[k for k, edge in enumerate(EDGES) if edge.startswith(bridge)] for bridge in BRIDGES]
 
 
-def law_doubts(result: Result) -> Array:
-    """At N points, (N, COLUMNS): W by smooth laws, laws of edges, cut swings of each bridge; shares missing by edge."""
-    smooth_W, edges_W, cut_W = law_errors(result)
+def law_doubts(result: Result, converter: Converter) -> Array:
+    """At N points, (N, COLUMNS): W by smooth laws, laws of edges, small currents, the rest by edge; shares missing.
+
+    ``converter`` is the one that was simulated.
+    """
+    smooth_W, edges_W, small_W, rest_W = law_errors(result, converter)
     missing = [result[f"missing_{edge}"] for edge in EDGES]
-    return np.asarray(np.nan_to_num(np.stack([_LEFT * smooth_W, _LEFT * edges_W, *cut_W, *missing], axis=1)))
+    known = [_LEFT * smooth_W, _LEFT * edges_W, small_W, *rest_W, *missing]
+    return np.asarray(np.nan_to_num(np.stack(known, axis=1)))
 
 
 def law_covariance(a: Array, b: Array, alike: tuple[Array, Array], doubt: float = 1.0) -> Array:
@@ -37,8 +46,12 @@ def law_covariance(a: Array, b: Array, alike: tuple[Array, Array], doubt: float 
 
     ``alike`` are the correlations (N, K) over the map of smooth laws and of laws of edges, known to a share ``doubt``.
     """
-    found = sum(np.outer(doubt * a[:, k], doubt * b[:, k]) * same for k, same in enumerate(alike))
-    for k, edges in enumerate(_OF_BRIDGE, start=2):
-        apart = np.sum((a[:, None, edges] - b[None, :, edges]) ** 2, axis=2)
-        found = found + np.outer(a[:, k], b[:, k]) * np.exp(-0.5 * apart / _SHARE**2)
+    smooth, at_edges = alike
+    found = doubt**2 * (np.outer(a[:, 0], b[:, 0]) * smooth + np.outer(a[:, 1], b[:, 1]) * at_edges)
+    found = found + np.outer(a[:, 2], b[:, 2]) * at_edges
+    for edges in _OF_BRIDGE:
+        for one, other in product(edges, edges):
+            apart = a[:, _MISSING + one, None] - b[:, _MISSING + other]
+            rest = np.outer(a[:, _REST + one], b[:, _REST + other])
+            found = found + rest * np.exp(-0.5 * (apart / _SHARE) ** 2)
     return np.asarray(found)

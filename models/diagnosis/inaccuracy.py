@@ -28,7 +28,6 @@ _PART_OF_IT = (0.01, 0.99)
 # Assumption: of what closing on the rest of a swing costs; and of what the bridge switches, whose other switch opens at
 # a current far below those of its datasheet
 _THE_REST, _AT_SMALL_CURRENT = 0.5, 0.1
-_CUT_SHORT = 0.3  # Assumption: the same where only the switching loss of the whole bridge is told
 
 
 def inaccuracy(observations: Observations, near: Result, converter: Converter) -> Array:
@@ -89,8 +88,12 @@ def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def law_errors(near: Result) -> tuple[Array, Array, Array]:
-    """One sigma of the input power in W: by all laws (N,), by those of edges (N,), by swings cut short (bridges, N)."""
+def law_errors(near: Result, converter: Converter) -> tuple[Array, Array, Array, Array]:
+    """One sigma of the input power in W at N points, by what may be wrong.
+
+    All laws (N,); those of edges (N,); what bridges switch where one of their swings is cut short (N,); closing on the
+    rest of each swing (edges, N).
+    """
     cut_short, parts = _cut_short(near), _parts(near)
     lost_W = {part: np.nan_to_num(near[f"loss_{part}_W"]) for part, _, _ in parts}
     none = np.zeros(np.shape(near["P1_W"]))
@@ -102,11 +105,9 @@ def law_errors(near: Result) -> tuple[Array, Array, Array]:
     return (
         together([law * lost_W[part] for part, law, _ in parts]),
         together([law * lost_W[part] for part, law, at_edges in parts if at_edges]),
-        np.stack([
-            _CUT_SHORT * cut_short[bridge] * together([lost_W[p] for p in of_edges if p.startswith(bridge)])
-            for bridge in BRIDGES
-        ]),
-    )  # fmt: skip
+        together([_AT_SMALL_CURRENT * cut_short[part.partition("_")[0]] * lost_W[part] for part in of_edges]),
+        _THE_REST * _rest_W(near, converter),
+    )
 
 
 def _showing(part: str) -> tuple[str, ...]:

@@ -11,14 +11,14 @@ from sim.model import Model
 from sim.prototype import prototype
 from sim.simulate import Points, simulate
 
-PRIMARY_CUT, FIRST_EDGE = 2, 4
+FIRST_REST, FIRST_MISSING = 3, 7  # of both, the primary's edges come first
 FAR = (np.zeros((2, 2)), np.zeros((2, 2)))  # points that have nothing in common on the map
 
 
-def cut(missing: float) -> np.ndarray:
-    """A point whose primary's first edge misses a share of its swing, good to 0.5 W."""
+def cut(missing: float, edge: int = 0) -> np.ndarray:
+    """A point with an edge that misses a share of its swing, good to 0.5 W."""
     doubts = np.zeros(COLUMNS)
-    doubts[PRIMARY_CUT], doubts[FIRST_EDGE] = 0.5, missing
+    doubts[FIRST_REST + edge], doubts[FIRST_MISSING + edge] = 0.5, missing
     return doubts
 
 
@@ -26,6 +26,21 @@ def test_swings_cut_as_short_are_off_by_as_much_anywhere_on_the_map() -> None:
     same, other = (np.stack([cut(0.4), cut(share)]) for share in (0.4, 0.9))
     np.testing.assert_allclose(law_covariance(same, same, FAR), 0.25)
     assert law_covariance(other, other, FAR)[0, 1] < 0.02  # two and a half lengths apart
+
+
+def test_edges_of_a_bridge_have_one_curve_and_add_up() -> None:
+    first, second, both = cut(0.4), cut(0.4, 1), cut(0.4) + cut(0.4, 1)
+    secondary = cut(0.4, 2)
+    found = law_covariance(np.stack([first, second, both, secondary]), first[None], (np.zeros((4, 1)),) * 2)
+    np.testing.assert_allclose(found[:, 0], [0.25, 0.25, 0.5, 0.0])
+
+
+def test_a_swing_that_is_whole_or_not_there_is_as_sure_as_the_laws() -> None:
+    light = Points(D1=np.linspace(0.3, 1.0, 8), D2=0.1, power_W=200.0)
+    doubts = law_doubts(simulate(Model.baseline(), light), prototype())
+    rest_W, missing = doubts[:, FIRST_REST:FIRST_MISSING], doubts[:, FIRST_MISSING:]
+    assert np.any(rest_W > 0.0)
+    assert not np.any(rest_W[(missing < 0.01) | (missing > 0.99)])
 
 
 def test_smooth_laws_are_doubted_by_a_share() -> None:
@@ -37,7 +52,7 @@ def test_smooth_laws_are_doubted_by_a_share() -> None:
 
 def test_a_loss_that_grows_is_doubted_more() -> None:
     found = simulate(Model.baseline(), Points(D1=np.full(2, 0.9), D2=0.1, power_W=np.array([400.0, 1800.0])))
-    light, heavy = law_doubts(found)
+    light, heavy = law_doubts(found, prototype())
     assert 0.0 < light[0] < heavy[0] < 0.05 * 60.0  # W: five per cent of what is lost there, at most
 
 
