@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from bench.charts import DIFFERENCE, MARGIN, OKABE_ITO
-from bench.wording import channel_name, difference_unit, effect_name
+from bench.wording import channel_name, difference_unit, effect_name, probability_text
 
 _COLUMNS = 3  # side by side on a narrow screen
 _QUANTILE = 0.98  # of the absolute residuals: what the colours of a map span
@@ -123,7 +123,7 @@ def cause_bars(causes: Sequence[Mapping[str, Any]], unknown: float, consistent: 
         go.Bar(
             x=[p for _, p, _ in bars], y=[name for name, _, _ in bars], orientation="h",
             marker_color=[OKABE_ITO[colour] for *_, colour in bars],
-            text=[f"{p:.3f}" for _, p, _ in bars], textposition="auto", cliponaxis=False,
+            text=[probability_text(p) for _, p, _ in bars], textposition="auto", cliponaxis=False,
             hovertemplate="%{y}: %{x:.4f}<extra></extra>",
         )
     )  # fmt: skip

@@ -208,11 +208,20 @@ class Bench:
             self._trip(decision)
 
     def _trip(self, decision: Decision) -> None:
-        reasons = "; ".join(decision.reasons)
+        reasons = "; ".join(decision.reasons) + self._too_fast(decision)
         if decision.output_lost:
             raise OutputLost(reasons)
         self._tripped = decision
         raise LimitReached(reasons)
+
+    def _too_fast(self, decision: Decision) -> str:
+        """What to do where a virtual bench's clock outran the machine that it runs on; else empty."""
+        if self.config.speed == 1.0 or not any("heartbeat_lost" in reason for reason in decision.reasons):
+            return ""
+        return (
+            f"; the bench's clock runs {self.config.speed:g} times as fast as real time, and the machine did not "
+            "keep up: start d2ea mock again with a lower --speed, then d2ea resume the campaign"
+        )
 
     def _refuse_when_tripped(self) -> None:
         if self._tripped is not None:

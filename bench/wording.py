@@ -171,16 +171,28 @@ def parameter_text(parameter: Mapping[str, Any]) -> str:
     'resistance 71 mΩ (95 %: 66 to 77)'
     >>> parameter_text({"name": "relative_error", "value": -0.4, "ci95": [-0.45, 0.05]})
     'relative error −40 % (95 %: −45 to +5)'
+    >>> parameter_text({"name": "resistance_Ohm", "value": 0.0571, "ci95": [0.0443, 0.07]})
+    'resistance 57 mΩ (95 %: 44 to 70)'
     """
     name, value = str(parameter["name"]), float(parameter["value"])
     label = next((name.removesuffix("_" + end) for end in _UNITS if name.endswith("_" + end)), name)
     bounds = [float(x) for x in parameter.get("ci95") or ()]
     scale, sign, unit = _scaled(name, value if value else max(map(abs, bounds), default=0.0))
-    said = f"{label.replace('_', ' ')} {value * scale:{sign}.3g}{unit}"
+    form = f"{sign}.{_decimals(scale * (bounds[1] - bounds[0]))}f" if len(bounds) == 2 else f"{sign}.3g"
+    said = f"{label.replace('_', ' ')} {value * scale:{form}}{unit}"
     if len(bounds) != 2:
         return minus(said)
-    low, high = (f"{bound * scale:{sign}.3g}" for bound in bounds)
+    low, high = (f"{bound * scale:{form}}" for bound in bounds)
     return minus(f"{said} (95 %: {low} to {high})")
+
+
+def _decimals(width: float) -> int:
+    """How many decimals a value with an interval of that width is worth: the interval's first two digits.
+
+    >>> _decimals(25.7), _decimals(2.31), _decimals(0.0)
+    (0, 1, 3)
+    """
+    return max(0, 1 - math.floor(math.log10(width))) if width > 0 else 3
 
 
 def size_text(name: str, value: float) -> str:

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from bench.commands.streams import err
 from bench.progress import Progress
+from bench.wording import minus
 
 PERCENT = 100.0
 LAST = 8  # points in the table
@@ -93,9 +94,9 @@ def one_line(progress: Progress) -> str:
     if progress.measured is not None:
         parts.append(f"measured {progress.measured * PERCENT:.3f} %")
     if progress.residual is not None:
-        parts.append(f"measured − simulated {progress.residual * PERCENT:+.3f} points")
+        parts.append(minus(f"measured − simulated {progress.residual * PERCENT:+.3f} points"))
     if progress.mean_residual is not None:
-        parts.append(f"mean so far {progress.mean_residual * PERCENT:+.3f}")
+        parts.append(minus(f"mean so far {progress.mean_residual * PERCENT:+.3f}"))
     if progress.left_s is not None:
         parts.append(_left(progress.left_s, progress.at_most))
     if progress.row is not None and progress.row.why:

@@ -138,6 +138,22 @@ def test_a_reported_fault_stops_the_campaign(store: Store) -> None:
     assert fake.off
 
 
+@pytest.mark.parametrize(("speed", "told"), [(100.0, True), (1.0, False)])
+def test_a_clock_that_outran_the_machine_says_how_to_slow_it(speed: float, told: bool, store: Store) -> None:
+    fake = FakeInstruments()
+    fast = Job.prepare(campaign_config(), bench_config(speed=speed), predict=predict)
+
+    def watch(progress: Progress) -> None:
+        if progress.done == 5:
+            fake.faults = ("heartbeat_lost",)
+
+    with pytest.raises(LimitReached, match="heartbeat_lost") as stopped:
+        run(fake, store, fast, progress=watch)
+    assert ("100 times as fast as real time" in str(stopped.value)) == told
+    assert ("lower --speed" in str(stopped.value)) == told
+    assert fake.off
+
+
 def test_a_pwm_that_trips_by_itself_stops_the_campaign(store: Store) -> None:
     fake = FakeInstruments()
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.diagnosis_charts import residual_columns, residual_maps
+from bench.diagnosis_charts import cause_bars, residual_columns, residual_maps
 from bench.diagnosis_page import DiagnosisPage, noise_rows, tiles, unseen, write_diagnosis_page
 
 CAUSE = {
@@ -193,3 +193,8 @@ def test_a_row_that_was_not_used_is_a_ring(page: DiagnosisPage) -> None:
     rings, dots = residual_maps(residuals).data
     assert (rings.marker.symbol, list(rings.x)) == ("circle-open", [residuals["D1"][4]])
     assert len(dots.x) == 29
+
+
+def test_a_bar_that_is_too_short_to_see_still_says_its_probability() -> None:
+    figure = cause_bars([{"effect": "link_resistance", "probability": 0.9999}], 0.0001, 0.0)
+    assert list(figure.data[0].text) == ["over 99.9 %", "under 0.1 %", "0.0 %"]

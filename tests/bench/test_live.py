@@ -30,7 +30,7 @@ def test_plain_lines_where_nobody_can_watch(monkeypatch: pytest.MonkeyPatch) -> 
     assert "\x1b" not in text
     assert text.splitlines() == [
         "1/9 load D1 = 0.800 D2 = 0.100 500 W, accepted, measured 97.000 %, "
-        "measured − simulated -1.000 points, mean so far -1.000, 1 min 35 s left"
+        "measured − simulated −1.000 points, mean so far −1.000, 1 min 35 s left"
     ]
 
 
