@@ -29,6 +29,12 @@ def observations() -> Observations:
 
 
 @pytest.fixture(scope="module")
+def several() -> Observations:
+    """All channels of the same points."""
+    return observe(simulated_campaign(Model.baseline(), seed=1, count=40), prototype())
+
+
+@pytest.fixture(scope="module")
 def known(observations: Observations) -> Signatures:
     return signatures(observations, Model.baseline())
 
@@ -41,20 +47,35 @@ def setting(observations: Observations, known: Signatures, error_W: Array | floa
     return set_up(off, Model.baseline(), there, estimate_noise(off, off.value - there.baseline))
 
 
+def wrong_by_doubt(observations: Observations, known: Signatures, seed: int) -> Array:
+    """What laws are wrong by (M,), drawn from what they may be wrong by."""
+    here = locations(observations)[observations.row], np.nan_to_num(known.inaccuracy)
+    drawn = np.random.default_rng(seed).multivariate_normal(
+        np.zeros(observations.value.size), smooth_covariance(here, here)
+    )
+    return np.asarray(drawn)
+
+
 def test_where_readings_agree_with_the_simulation_its_laws_are_doubted_less(
     observations: Observations, known: Signatures
 ) -> None:
     assert setting(observations, known).refinery.known.doubt == 0.1
 
 
-def test_where_other_channels_tell_too_laws_stay_doubted_as_they_are() -> None:
-    seen = observe(simulated_campaign(Model.baseline(), seed=1, count=40), prototype())
-    there = signatures(seen, Model.baseline())
-    assert setting(seen, there).refinery.known.doubt == 1.0
-    less = there.doubted(seen, 0.1).inaccuracy
-    share = np.where(seen.of("efficiency"), 0.1, 1.0)
+def test_with_other_channels_the_input_power_alone_is_doubted_less(several: Observations) -> None:
+    there = signatures(several, Model.baseline())
+    assert setting(several, there).refinery.known.doubt == 0.3
+    less = there.doubted(several, 0.3).inaccuracy
+    share = np.where(several.of("efficiency"), 0.3, 1.0)
     np.testing.assert_allclose(less[:2], share * there.inaccuracy[:2], rtol=1e-12)  # rounding
     np.testing.assert_array_equal(less[2], there.inaccuracy[2])  # a swing cut short happens in few rows
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_with_other_channels_too_laws_that_are_wrong_stay_doubted(several: Observations, seed: int) -> None:
+    there = signatures(several, Model.baseline())
+    wrong_W = np.where(several.of("efficiency"), wrong_by_doubt(several, there, seed), 0.0)
+    assert setting(several, there, wrong_W).refinery.known.doubt == 1.0
 
 
 def test_half_of_what_a_law_is_off_by_over_the_whole_map_stays(
@@ -80,10 +101,7 @@ def test_laws_over_the_whole_map_are_alike_where_nothing_else_is() -> None:
 def test_laws_that_are_wrong_by_what_they_may_be_stay_doubted(
     observations: Observations, known: Signatures, seed: int
 ) -> None:
-    here = locations(observations)[observations.row], np.nan_to_num(known.inaccuracy)
-    wrong_W = np.random.default_rng(seed).multivariate_normal(
-        np.zeros(observations.value.size), smooth_covariance(here, here)
-    )
+    wrong_W = wrong_by_doubt(observations, known, seed)
     assert setting(observations, known, wrong_W).refinery.known.doubt == 1.0
 
 
