@@ -235,8 +235,8 @@ def loss_parts(losses: pd.DataFrame) -> list[str]:
     return sorted(some, key=lambda name: next((k for k, s in enumerate(stages) if name.startswith(s)), 9))
 
 
-def gain_rows(gain: Mapping[str, Any]) -> list[tuple[str, float, str]]:
-    """(label, error in points, colour) of what was measured on blocks that were not fitted."""
+def gain_rows(gain: Mapping[str, Any]) -> list[tuple[str, float, str, tuple[float, float]]]:
+    """(label, error in points, colour, what 95 % reach below and above) of what was measured on held-out blocks."""
     rows: Sequence[tuple[str, str, str]] = (
         ("before", "Simulation as it was", "grey"),
         ("wrong_cause", "Best wrong cause", "orange"),
@@ -244,9 +244,14 @@ def gain_rows(gain: Mapping[str, Any]) -> list[tuple[str, float, str]]:
         ("after", "Simulation extended with the cause", "green"),
         ("calibrated", "... and its parts and the analyzer calibrated", "blue"),
     )
-    return [
-        (label, 100 * float(gain[key]), colour) for key, label, colour in rows if gain.get(key) is not None
-    ]
+    found = []
+    for key, label, colour in rows:
+        if gain.get(key) is not None:
+            error = 100 * float(gain[key])
+            of_it = (gain.get("intervals") or {}).get(key, (gain[key], gain[key]))  # kept ones may have none
+            low, high = (100 * float(bound) for bound in of_it)
+            found.append((label, error, colour, (max(0.0, error - low), max(0.0, high - error))))
+    return found
 
 
 def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
@@ -254,13 +259,23 @@ def gain_bars(gain: Mapping[str, Any]) -> go.Figure:
     known = gain_rows(gain)
     figure = go.Figure(
         go.Bar(
-            x=[value for _, value, _ in known], y=[two_lines(label) for label, _, _ in known], orientation="h",
-            marker_color=[OKABE_ITO[colour] for *_, colour in known],
-            text=[f"{value:.3f}" for _, value, _ in known], textposition="auto", cliponaxis=False,
+            x=[value for _, value, *_ in known], y=[two_lines(label) for label, *_ in known], orientation="h",
+            marker_color=[OKABE_ITO[colour] for _, _, colour, _ in known],
+            error_x={
+                "type": "data", "symmetric": False, "thickness": 1.2, "width": 4, "color": "#333333",
+                "arrayminus": [below for *_, (below, _) in known], "array": [above for *_, (_, above) in known],
+            },
             hovertemplate="%{y}: %{x:.4f} points<extra></extra>",
         )
     )  # fmt: skip
-    figure.update_xaxes(title_text="mean error, held out (points)", rangemode="tozero")
+    figure.add_trace(  # beyond the intervals
+        go.Scatter(
+            x=[value + above for _, value, _, (_, above) in known], y=[two_lines(label) for label, *_ in known],
+            mode="text", text=[f"  {value:.3f}" for _, value, *_ in known], textposition="middle right",
+            cliponaxis=False, hoverinfo="skip",
+        )
+    )  # fmt: skip
+    figure.update_xaxes(title_text="mean error, held out, with 95 % interval (points)", rangemode="tozero")
     figure.update_yaxes(autorange="reversed", automargin=True)
     figure.update_layout(height=110 + 40 * len(known), margin=MARGIN | {"t": 34}, showlegend=False)
     return figure

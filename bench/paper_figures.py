@@ -189,15 +189,17 @@ def gain_bars(data: ReportData) -> Figure | None:
         return None
     figure, axes = _one(ONE_COLUMN, 55 * MM)
     bars = axes.barh(
-        [two_lines(label, "\n") for label, _, _ in known],
-        [value for _, value, _ in known],
-        color=[OKABE_ITO[colour] for _, _, colour in known],
+        [two_lines(label, "\n") for label, *_ in known],
+        [value for _, value, *_ in known],
+        xerr=np.transpose([reach for *_, reach in known]),
+        color=[OKABE_ITO[colour] for _, _, colour, _ in known],
         height=0.6,
+        error_kw={"lw": 0.8, "capsize": 2, "ecolor": "#333333"},
     )
     axes.bar_label(bars, fmt="%.3f", fontsize=7, padding=2)
-    axes.set_xlim(0, 1.25 * max(value for _, value, _ in known))
+    axes.set_xlim(0, 1.25 * max(value + above for _, value, _, (_, above) in known))
     axes.invert_yaxis()
-    axes.set_xlabel("mean error, held out (points)", fontsize=8)
+    axes.set_xlabel("mean error held out, 95 % (points)", fontsize=8)
     return figure
 
 

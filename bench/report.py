@@ -4,7 +4,6 @@ Order: what was found and what to do, the evidence for it, then the pictures beh
 the run cost and that the bench was left safe.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -185,9 +184,9 @@ def extension_worse(diagnosis: Mapping[str, Any]) -> str:
 def spreads_make_good(diagnosis: Mapping[str, Any]) -> bool:
     """Whether what is named predicts held-out rows better once everyday spreads are fitted beside it, and no leftover
     has to be there for that: a leftover would hide the error of a wrong name as well."""
-    gain, unknown = diagnosis.get("gain") or {}, diagnosis.get("unknown") or {}
-    fitted = gain.get("calibrated", math.inf)
-    return bool(gain) and _WORSE * fitted < gain["before"] and unknown.get("probability", 0.0) < LIKELY
+    gain, unknown = diagnosis.get("gain"), diagnosis.get("unknown") or {}
+    surely_better = float((gain or {}).get("calibrated_ci95", (0.0, 0.0))[0]) > 0
+    return surely_better and float(unknown.get("probability", 0.0)) < LIKELY
 
 
 def _only_with_spreads(diagnosis: Mapping[str, Any]) -> str:

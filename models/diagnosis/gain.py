@@ -37,7 +37,8 @@ class Readings:
 class Gain:
     """Mean absolute errors of efficiency on held-out ``blocks``; ``ci95`` of before minus after, paired bootstrap.
 
-    ``calibrated`` is that of the cause with all everyday spreads and the analyzer's errors fitted beside it.
+    ``calibrated`` is that of the cause with all everyday spreads and the analyzer's errors fitted beside it, and
+    ``calibrated_ci95`` of before minus that. ``intervals`` are 95 % of each error by itself, by its name here.
     """
 
     blocks: str
@@ -47,6 +48,8 @@ class Gain:
     wrong_cause: float | None
     leftover_only: float
     calibrated: float
+    calibrated_ci95: tuple[float, float]
+    intervals: dict[str, tuple[float, float]]
 
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
@@ -58,6 +61,8 @@ class Gain:
             "wrong_cause": self.wrong_cause,
             "leftover_only": self.leftover_only,
             "calibrated": self.calibrated,
+            "calibrated_ci95": list(self.calibrated_ci95),
+            "intervals": {name: list(bounds) for name, bounds in self.intervals.items()},
         }
 
 
@@ -152,23 +157,30 @@ def _over(blocks: _Blocks, readings: Readings, rivals: tuple[Fit, Fit | None], s
     size = {name: np.abs(e[judged]) * scale for name, e in error.items()}
     rng = np.random.default_rng(seed)
     picks = rng.integers(0, judged.sum(), (_RESAMPLES, int(judged.sum())))
-    better = np.mean((size["before"] - size["after"])[picks], axis=1)
-    low, high = np.quantile(better, [0.025, 0.975])
+    drawn = {name: np.mean(e[picks], axis=1) for name, e in size.items()}
     return Gain(
         blocks=blocks.name,
         before=float(np.mean(size["before"])),
         after=float(np.mean(size["after"])),
-        ci95=(float(low), float(high)),
-        wrong_cause=float(np.mean(size["wrong"])) if "wrong" in size else None,
-        leftover_only=float(np.mean(size["leftover"])),
+        ci95=_inner(drawn["before"] - drawn["after"]),
+        wrong_cause=float(np.mean(size["wrong_cause"])) if "wrong_cause" in size else None,
+        leftover_only=float(np.mean(size["leftover_only"])),
         calibrated=float(np.mean(size["calibrated"])),
+        calibrated_ci95=_inner(drawn["before"] - drawn["calibrated"]),
+        intervals={name: _inner(means) for name, means in drawn.items()},
     )
+
+
+def _inner(drawn: Array) -> tuple[float, float]:
+    """What 95 % of the resampled values lie in."""
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit | None) -> dict[str, Array]:
     """What each explanation, fitted to the other blocks, leaves of the judged readings, (M,) by name."""
     residual, covariance = readings.residual, readings.covariance
-    names = ("after", "leftover", "calibrated", *(("wrong",) if rival else ()))
+    names = ("after", "leftover_only", "calibrated", *(("wrong_cause",) if rival else ()))
     error = {name: np.full(residual.size, np.nan) for name in names}
     for block in np.unique(blocks.place[blocks.judged]):
         rows, out = blocks.place != block, (blocks.place == block) & blocks.judged
@@ -181,6 +193,6 @@ def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit
         pulled[rows] = whitener.solve(left[rows])
         error["calibrated"][out] = left[out] - covariance.times(pulled)[out]
         if rival is not None:
-            error["wrong"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
-        error["leftover"][out] = (residual - _leftover_on(readings, fitted, rows))[out]
+            error["wrong_cause"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
+        error["leftover_only"][out] = (residual - _leftover_on(readings, fitted, rows))[out]
     return error

@@ -26,7 +26,9 @@ ANSWER = {
                 "rms_W": 1.2},
     "next": [{"action": "standby", "separates": ["auxiliary_power"], "expected_sigma": 8.0, "minutes": 1.5}],
     "gain": {"blocks": "power band", "before": 0.012, "after": 0.0004, "ci95": [0.011, 0.012], "calibrated": 0.0002,
-             "leftover_only": 0.003, "wrong_cause": 0.002},
+             "leftover_only": 0.003, "wrong_cause": 0.002, "calibrated_ci95": [0.011, 0.0125],
+             "intervals": {"before": [0.01, 0.014], "after": [0.0003, 0.0005], "calibrated": [0.0001, 0.0003],
+                           "leftover_only": [0.0025, 0.0035], "wrong_cause": [0.001, 0.003]}},
     "sight": [{"effect": "fan_step", "smallest": 12.0, "unit": "W", "visible": False, "tied_with": []},
               {"effect": "auxiliary_power", "smallest": 0.5, "unit": "W", "visible": True,
                "tied_with": ["analyzer_offset"]}],
@@ -109,6 +111,14 @@ def test_a_name_that_spreads_cancel_in_efficiency_is_not_doubted(page: Diagnosis
     assert "but 0.020 with the everyday spreads of parts and instruments fitted beside it" in text
     assert "Make sure first that the model describes the converter" not in text
     assert "from now on" not in text
+
+
+def test_spreads_that_may_not_help_do_not_save_a_name(page: DiagnosisPage, tmp_path: Path) -> None:
+    gain = WORSE | {"calibrated_ci95": [-0.0001, 0.002]}
+    text = written(
+        replace(page, diagnosis=ANSWER | {"gain": gain, "unknown": {"probability": 0.0}}), tmp_path
+    )
+    assert "so the extended model is not to be used" in text
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,15 @@ def test_calibration_takes_a_spread_up_beside_the_cause() -> None:
     assert gain.calibrated == pytest.approx(noise, rel=0.15)  # two parameters fitted to 45 readings
 
 
+def test_every_error_lies_in_its_own_interval() -> None:
+    gain = gain_of(RESISTANCE_Ohm * GROWING + NOISE + FLAT, spread=FLAT)
+    low, high = gain.calibrated_ci95
+    assert 0 < low < gain.before - gain.calibrated < high
+    for name in ("before", "after", "wrong_cause", "leftover_only", "calibrated"):
+        low, high = gain.intervals[name]
+        assert low < getattr(gain, name) < high, name
+
+
 def test_the_interval_of_a_real_gain_excludes_zero_and_holds_the_mean() -> None:
     gain = gain_of(RESISTANCE_Ohm * GROWING + NOISE)
     low, high = gain.ci95
