@@ -45,7 +45,10 @@ def read_calibrated(text: str) -> CalibratedPhysics:
     try:
         plain = json.loads(text)
         if plain["schema"] != SCHEMA:
-            raise CalibratedFileError(f"schema {plain['schema']}: this version reads schema {SCHEMA} only")
+            raise CalibratedFileError(
+                f"schema {plain['schema']}: this version reads schema {SCHEMA} only; make it again with d2ea train, "
+                "and put the new one into use with d2ea models use"
+            )
         return CalibratedPhysics(
             model=Model.from_plain(plain["model"]),
             variants=tuple(map(Model.from_plain, plain["variants"])),

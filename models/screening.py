@@ -181,9 +181,8 @@ def _hours_of_a_day(given: pd.Series) -> pd.Series:
     times = pd.to_datetime(given.astype(str), errors="coerce", utc=True, format="%H:%M:%S.%f")
     whole = pd.to_datetime(given, errors="coerce", utc=True, format="%H:%M:%S")
     times = times.fillna(whole)
-    back = times.ffill().diff() < -pd.Timedelta(
-        hours=12
-    )  # rows out of order lie closer, midnight lies farther
+    # rows out of order lie closer, midnight lies farther
+    back = times.ffill().diff() < -pd.Timedelta(hours=12)
     return times + pd.to_timedelta(back.cumsum(), unit="D")
 
 
