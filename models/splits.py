@@ -1,10 +1,9 @@
-"""Which rows train and which judge: seeded random splits, and whole blocks held out.
+"""Which rows train and which judge: seeded random splits (whole blocks are held out by :mod:`models.held_blocks`).
 
 A random split asks how well a model interpolates; a block asks whether it holds where it was not fitted.
 Repeated readings of one set point always stay together: noise shared by a fit and its judge flatters both.
 """
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,15 +24,6 @@ class Split:
     train: Rows
     test: Rows
     validation: Rows
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HoldOut:
-    """One block: row numbers to fit on, and those held out, with the block's name."""
-
-    name: str
-    fitted: Rows
-    held_out: Rows
 
 
 def split(groups: NDArray[np.generic], shares: tuple[float, float, float], *, seed: int) -> Split:
@@ -77,37 +67,3 @@ def set_points(measured: pd.DataFrame) -> Rows:
     groups = np.empty(len(order), dtype=np.intp)
     groups[order] = np.cumsum(new) - 1
     return groups
-
-
-def power_bands(measured: pd.DataFrame, count: int = 4) -> list[HoldOut]:
-    """Hold out one band of output power after the other; bands of about equally many rows."""
-    power_W = measured["P2_W"].to_numpy(dtype=np.float64)
-    edges = np.quantile(power_W, np.linspace(0, 1, count + 1))
-    band = np.clip(np.searchsorted(edges, power_W, side="right") - 1, 0, count - 1)
-    names = [f"power {low:.0f} to {high:.0f} W" for low, high in itertools.pairwise(edges)]
-    return _blocks(band, names)
-
-
-def regions(measured: pd.DataFrame) -> list[HoldOut]:
-    """Hold out one quarter of the (D1, D2) plane after the other, cut at the medians."""
-    high_D1 = (measured["D1"] > measured["D1"].median()).to_numpy()
-    high_D2 = (measured["D2"] > measured["D2"].median()).to_numpy()
-    names = [f"{a} D1, {b} D2" for a in ("low", "high") for b in ("low", "high")]
-    return _blocks((2 * high_D1 + high_D2).astype(np.intp), names)
-
-
-def periods(measured: pd.DataFrame, count: int = 3) -> list[HoldOut]:
-    """Hold out one stretch of time after the other; needs ``time_s``."""
-    rank = measured["time_s"].rank(method="first").to_numpy(dtype=np.float64) - 1
-    block = (rank * count / len(measured)).astype(np.intp)
-    return _blocks(block, [f"period {k + 1} of {count}" for k in range(count)])
-
-
-def _blocks(block: Rows, names: list[str]) -> list[HoldOut]:
-    """A hold-out per block that has rows inside and outside."""
-    out = []
-    for number, name in enumerate(names):
-        inside = block == number
-        if inside.any() and not inside.all():
-            out.append(HoldOut(name=name, fitted=np.flatnonzero(~inside), held_out=np.flatnonzero(inside)))
-    return out

@@ -1,10 +1,10 @@
-"""Splits: every row once, replicates together, blocks whole."""
+"""Splits: every row once, replicates together."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from models.splits import periods, power_bands, regions, set_points, split, split_experiment, split_simulation
+from models.splits import set_points, split, split_experiment, split_simulation
 
 
 def test_shares_of_the_paper(converter):
@@ -35,25 +35,3 @@ def test_repeated_readings_stay_together(converter):
 def test_shares_must_add_up():
     with pytest.raises(ValueError, match="add up to 1"):
         split(np.arange(10), (0.5, 0.2, 0.4), seed=0)
-
-
-def test_power_bands_hold_out_whole_bands(converter):
-    table = converter.measured_table(200, seed=0)
-    blocks = power_bands(table, 4)
-    assert sorted(np.concatenate([b.held_out for b in blocks])) == list(range(200))
-    for block in blocks:
-        inside, outside = table["P2_W"].iloc[block.held_out], table["P2_W"].iloc[block.fitted]
-        assert not outside.between(inside.min(), inside.max()).any()
-
-
-def test_regions_and_periods_cover_every_row_once(converter):
-    table = converter.measured_table(90, seed=0).assign(time_s=np.arange(90.0)[::-1])
-    for blocks in (regions(table), periods(table, 3)):
-        assert sorted(np.concatenate([b.held_out for b in blocks])) == list(range(90))
-    first = periods(table, 3)[0]
-    assert table["time_s"].iloc[first.held_out].max() == 29
-
-
-def test_a_block_that_would_leave_nothing_to_fit_is_left_out(converter):
-    table = converter.measured_table(20, seed=0).assign(P2_W=500.0)
-    assert power_bands(table, 3) == []
