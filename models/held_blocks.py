@@ -12,23 +12,25 @@ import pandas as pd
 from numpy.typing import NDArray
 
 CELL = (0.1, 0.1, 250.0)  # of D1, D2 in half periods, of power in W
-SHARE = 0.2
+_SHARE = 0.2
+_ROUNDING = 1e-9  # 0.3 / 0.1 is less than 3: a round set point belongs to the cell above it
+_SEED = 0  # of the hash: another one holds other cells out
 
 
-def held_out(measured: pd.DataFrame, *, seed: int = 0, share: float = SHARE) -> NDArray[np.bool_]:
+def held_out(measured: pd.DataFrame) -> NDArray[np.bool_]:
     """Whether each row of a measurement table (columns D1, D2, and P_set_W or P2_W) is in a held-out block, (N,).
 
     The set power, where it is known, keeps repeated readings of one set point together.
     """
     power = measured["P2_W"] if "P_set_W" not in measured else measured["P_set_W"].fillna(measured["P2_W"])
     place = np.stack([measured["D1"], measured["D2"], power], axis=1).astype(np.float64)
-    cells = np.floor(place / CELL + 1e-9).astype(int)
+    cells = np.floor(place / CELL + _ROUNDING).astype(int)
     distinct, member = np.unique(cells, axis=0, return_inverse=True)
-    chosen = np.array([_share_of(tuple(cell), seed) < share for cell in distinct.tolist()], dtype=bool)
+    chosen = np.array([_share_of(tuple(cell)) < _SHARE for cell in distinct.tolist()], dtype=bool)
     return np.asarray(chosen[member.ravel()])
 
 
-def _share_of(cell: tuple[int, ...], seed: int) -> float:
+def _share_of(cell: tuple[int, ...]) -> float:
     """A number in [0, 1) that belongs to a cell."""
-    digest = hashlib.sha256(repr((seed, *cell)).encode()).digest()
+    digest = hashlib.sha256(repr((_SEED, *cell)).encode()).digest()
     return float(int.from_bytes(digest[:8], "big") / 2**64)

@@ -27,3 +27,11 @@ def test_readings_of_one_set_point_stay_together():
     table = points(200)
     again = table.assign(P_set_W=table["P2_W"], P2_W=table["P2_W"] * 1.01)
     np.testing.assert_array_equal(held_out(again), held_out(table))
+
+
+def test_a_round_set_point_belongs_to_the_cell_above():
+    tenths = np.arange(1, 10) / 10  # 0.3 / 0.1 is less than 3 in floating point
+    D1, D2 = (x.ravel() for x in np.meshgrid(tenths, tenths))
+    on_edges = pd.DataFrame({"D1": D1, "D2": D2, "P2_W": 500.0})
+    inside = pd.DataFrame({"D1": D1 + 0.05, "D2": D2 + 0.05, "P2_W": 600.0})
+    np.testing.assert_array_equal(held_out(on_edges), held_out(inside))

@@ -65,6 +65,11 @@ def test_a_wrong_cause_and_a_leftover_leave_more() -> None:
     assert gain.leftover_only > 2 * gain.after
 
 
+def test_a_leftover_takes_up_most_of_a_smooth_gap_beside_fitted_points() -> None:
+    _, quarters = gains_of(RESISTANCE_Ohm * GROWING + NOISE)  # of the time: every power was fitted in others
+    assert quarters.leftover_only < 0.5 * quarters.before
+
+
 def test_calibration_takes_a_spread_up_beside_the_cause() -> None:
     gain = gain_of(RESISTANCE_Ohm * GROWING + NOISE + FLAT, spread=FLAT)
     noise = np.mean(np.abs(NOISE) * POWER / (POWER / 0.98) ** 2)
