@@ -117,8 +117,9 @@ class Trainer:
         return fits[kind]()
 
     def _calibrated(self, measured: pd.DataFrame) -> StagedModel:
-        from models.diagnosis.diagnose import TooFewPoints, diagnose  # here: it loads slowly
+        from models.diagnosis.diagnose import diagnose  # here: it loads slowly
         from models.diagnosis.plausibility import ImplausibleTable
+        from models.diagnosis.usable import TooFewPoints
 
         def say(said: str) -> None:
             self.say(f"{CALIBRATED}: {said}")

@@ -69,9 +69,9 @@ def diagnose(
     db: Database = None,
 ) -> None:
     """Name what the simulation gets wrong, with evidence; extend the model; measure the gain."""
-    from models.diagnosis.diagnose import TooFewPoints  # here: scipy and the simulator load slowly
-    from models.diagnosis.diagnose import diagnose as find_cause
+    from models.diagnosis.diagnose import diagnose as find_cause  # here: scipy and the simulator load slowly
     from models.diagnosis.plausibility import ImplausibleTable
+    from models.diagnosis.usable import TooFewPoints
 
     check_folder(out_dir, "--out")
     if json_file is not None:

@@ -9,7 +9,8 @@ import pandas as pd
 from models.baselines import BASELINES, train_baseline
 from models.boosting import XGBOOST_II, BoostedTrees, Floats
 from models.dataset import load_measurements
-from models.diagnosis.diagnose import TooFewPoints, diagnose
+from models.diagnosis.diagnose import diagnose
+from models.diagnosis.usable import TooFewPoints
 from models.surrogate import (
     CALIBRATED,
     D2EA,

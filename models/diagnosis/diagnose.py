@@ -19,9 +19,8 @@ from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.extension import extended, interval
 from models.diagnosis.gain import Gain, Readings, Worth
 from models.diagnosis.gap import gap, share_of_gap
-from models.diagnosis.held import held
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.left_out import edge_rows, most_lost_before, outliers, rows_left_out
+from models.diagnosis.left_out import edge_rows, outliers, rows_left_out
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
     NextMeasurement,
@@ -32,12 +31,12 @@ from models.diagnosis.next_measurement import (
 )
 from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
+from models.diagnosis.plausibility import RejectedColumn
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
-from models.diagnosis.signatures import first_looks, signatures
 from models.diagnosis.unexplained import Unexplained, unexplained
+from models.diagnosis.usable import check_table, usable_readings
 from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge, telling_of
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
@@ -45,12 +44,7 @@ from sim.side_by_side import at_once, kept
 
 Array = NDArray[np.float64]
 
-LEAST_ROWS = 12
 _CLIPPED = 3.0  # sigmas
-
-
-class TooFewPoints(ValueError):
-    """A measurement table too small to say anything; the message says how many rows are needed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,35 +262,11 @@ def _diagnosed(
     processes: int,
 ) -> Diagnosis:
     left_out = frozenset(effect(name).name for name in without)
-    observations = observe(measurements.frame, baseline.converter, processes)
-    if int(observations.loaded.sum()) < LEAST_ROWS:
-        raise TooFewPoints(
-            f"{int(observations.loaded.sum())} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
-            + most_lost_before(measurements)
-        )
-    check_inputs(observations, baseline.converter)
-    progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(observations.frame)} points")
-    whole, (spare, near) = observations, first_looks(observations, baseline)
-    if np.mean(spare) < 0.5:
-        check_set_points(observations, baseline)
-    observations, edge = observations.take(spare), observations.take(~spare)
-    near = near or observations.reference(baseline)
-    expected = observations.predicted(near)
-    (wrong, whole_columns), (stuck, stretches) = (
-        implausible(observations, expected),
-        held(observations, expected, measurements.rows),
-    )
-    rejected_columns, wrong = [*whole_columns, *stretches], wrong | stuck
-    observations, edge = (o.mistrusting(c.column for c in rejected_columns) for o in (observations, edge))
-    known = signatures(observations, baseline, left_out, near=near)
-    kept = known.finite() & ~wrong
-    observations, known = observations.take(kept).in_use(), known.take(kept)
-    usable = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
-    if usable < LEAST_ROWS:
-        raise TooFewPoints(
-            f"{usable} rows that the model can carry with some power to spare; a diagnosis needs at least "
-            f"{LEAST_ROWS}. Is the model file that of this converter?"
-        )
+    whole = observe(measurements.frame, baseline.converter, processes)
+    check_table(whole, measurements, baseline)
+    progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(whole.frame)} points")
+    usable = usable_readings(whole, baseline, left_out, measurements.rows)
+    observations, known = usable.observations, usable.known
     noise = estimate_noise(observations, observations.value - known.baseline)
     setting = set_up(observations, baseline, known, noise)
     refinery = setting.refinery
@@ -334,9 +304,9 @@ def _diagnosed(
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,
         sigma=setting.sigma,
-        edge=edge,
+        edge=usable.edge,
         rejected=rows_left_out(measurements, [*edge_rows(whole, observations), *outliers(setting)]),
-        rejected_columns=rejected_columns,
+        rejected_columns=usable.rejected_columns,
         held_out=held_out,
         ahead=ahead,
     )

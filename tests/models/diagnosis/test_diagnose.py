@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from models.dataset import load_measurements
-from models.diagnosis.diagnose import LEAST_ROWS, Diagnosis, TooFewPoints, diagnose
+from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.usable import LEAST_ROWS, TooFewPoints
 from sim.model import Model
 from sim.parameters import ParameterError
 from tests.models.diagnosis.virtual_campaign import lab_campaign, simulated_campaign

@@ -1,0 +1,93 @@
+"""What of a measurement table a diagnosis goes by: its readings, with what every variant says of them.
+
+Left out are rows close to the most that D1 and D2 carry, columns and stretches that cannot be what they are called,
+and readings that some variant cannot predict. A table of which too little is left is refused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.dataset import Measurements
+from models.diagnosis.held import held
+from models.diagnosis.left_out import most_lost_before
+from models.diagnosis.observations import Observations
+from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
+from models.diagnosis.signatures import Signatures, first_looks, signatures
+from sim.model import Model
+
+LEAST_ROWS = 12
+_CARRIED = 0.5  # of the readings, with power to spare: where fewer are, the set points are asked about
+
+
+class TooFewPoints(ValueError):
+    """A measurement table too small to say anything; the message says how many rows are needed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Usable:
+    """M readings with their signatures, and what is left out of them.
+
+    ``edge`` are the readings of rows that the baseline carries with too little power to spare.
+    """
+
+    observations: Observations
+    known: Signatures
+    edge: Observations
+    rejected_columns: list[RejectedColumn]
+
+
+def check_table(whole: Observations, measurements: Measurements, baseline: Model) -> None:
+    """Refuse a table before anything is simulated for it.
+
+    Raises
+    ------
+    TooFewPoints
+        Too few rows carry power.
+    ImplausibleTable
+        Voltages, a room or an efficiency that cannot be of this converter.
+    """
+    loaded = int(whole.loaded.sum())
+    if loaded < LEAST_ROWS:
+        raise TooFewPoints(
+            f"{loaded} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
+            + most_lost_before(measurements)
+        )
+    check_inputs(whole, baseline.converter)
+
+
+def usable_readings(
+    whole: Observations, baseline: Model, without: frozenset[str], rows: Sequence[int]
+) -> Usable:
+    """The readings that a diagnosis goes by, with their signatures but for the effects ``without``.
+
+    ``rows`` is which row of the table each of the frame was.
+
+    Raises
+    ------
+    TooFewPoints
+        Too few rows are left that the model can carry with some power to spare.
+    ImplausibleTable
+        Set points that the model cannot run, or temperatures in degrees Fahrenheit.
+    """
+    spare, near = first_looks(whole, baseline)
+    if np.mean(spare) < _CARRIED:
+        check_set_points(whole, baseline)
+    observations, edge = whole.take(spare), whole.take(~spare)
+    near = near or observations.reference(baseline)
+    expected = observations.predicted(near)
+    wrong, whole_columns = implausible(observations, expected)
+    stuck, stretches = held(observations, expected, rows)
+    rejected = [*whole_columns, *stretches]
+    observations, edge = (o.mistrusting(c.column for c in rejected) for o in (observations, edge))
+    known = signatures(observations, baseline, without, near=near)
+    kept = known.finite() & ~(wrong | stuck)
+    observations, known = observations.take(kept).in_use(), known.take(kept)
+    left = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
+    if left < LEAST_ROWS:
+        raise TooFewPoints(
+            f"{left} rows that the model can carry with some power to spare; a diagnosis needs at least "
+            f"{LEAST_ROWS}. Is the model file that of this converter?"
+        )
+    return Usable(observations=observations, known=known, edge=edge, rejected_columns=rejected)
