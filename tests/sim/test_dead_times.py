@@ -1,10 +1,15 @@
 """Which edges meet in a dead time, what they see of each other, and that power stays smooth where they pass."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from sim.dead_times import _Groups, magnetizing_current
+from sim.parameters import Converter
+from sim.prototype import prototype
+from sim.steady_state import half_period
 from tests.sim.orbits import circuit, edges_at, random_duties, solve
 
 Array = NDArray[np.float64]
@@ -53,10 +58,24 @@ def test_power_passes_smoothly_where_edges_begin_to_meet(gap: float) -> None:
     assert np.abs(np.diff(step_W)).max() < 0.02
 
 
-def test_what_happens_to_one_leg_moves_the_other() -> None:
-    near, far = (solve(0.708, 0.277, np.array([x])) for x in (0.292, 0.292 + 2 * DEAD))
-    delays = near.orbit.delay[0].item(), far.orbit.delay[0].item()
-    assert abs(delays[0] - delays[1]) > 0.1 * DEAD  # Q1 swings 0.008 after S1's edge
+def late(converter: Converter, phase: float) -> Array:
+    """How much later than in the prototype's orbit the four legs swing from its very state, in Th."""
+    case = solve(0.708, 0.277, np.array([phase]))
+    state = np.concatenate([case.orbit.start_A[None], case.orbit.delay, np.zeros((1, 1))])
+    _, open_ = half_period(circuit(1, converter), case.edges, state)
+    return open_[1:, 0]
+
+
+def test_a_leg_that_meets_another_feels_its_capacitance() -> None:
+    secondary = prototype().secondary
+    larger = replace(secondary.switch.capacitance, zero_bias_F=2 * secondary.switch.capacitance.zero_bias_F)
+    slower = replace(
+        prototype(), secondary=replace(secondary, switch=replace(secondary.switch, capacitance=larger))
+    )
+    meeting, apart = late(slower, 0.292), late(slower, 0.292 + 2 * DEAD)  # Q1 is 0.008 behind S1, or 0.04
+    assert abs(meeting[0]) > 1e-3 * DEAD
+    assert abs(apart[0]) < 1e-6 * DEAD  # the orbit closes to 1e-9 Th
+    assert min(abs(meeting[2]), abs(apart[2])) > 1e-2 * DEAD  # Q1 itself
 
 
 def test_magnetizing_current_is_a_triangle_of_zero_mean() -> None:
