@@ -38,5 +38,13 @@ def test_the_mains_and_what_is_empty_are_no_switching_frequency(column: str, val
     assert not any(each.differs_from(25e3) for each in stated)
 
 
+@pytest.mark.parametrize(("value", "counts"), [(2.4e3, False), (2.6e3, True), (240e3, True), (260e3, False)])
+def test_a_name_that_may_mean_another_frequency_counts_within_a_factor_of_ten(
+    value: float, counts: bool
+) -> None:
+    (stated,) = stated_frequencies(ROWS.assign(freq_Hz=value), (1, 2, 3))
+    assert stated.differs_from(25e3) is counts
+
+
 def test_such_a_column_is_not_called_ignored() -> None:
     assert load_measurements(ROWS.assign(fs_kHz=25.0)).notes == ()

@@ -89,6 +89,14 @@ def test_without_replicates_an_assumed_noise_stands_in() -> None:
     assert np.all(sigma_of(observations, [noise]) > 0)
 
 
+def test_a_table_that_was_rounded_is_known_to_its_last_digit_only() -> None:
+    exact = loads(SET_POINTS)
+    rounded = replace(exact, value=10.0 * np.round(exact.value / 10.0))
+    noise = estimate_noise(exact, np.zeros(SET_POINTS.size))
+    added = sigma_of(rounded, noise) ** 2 - sigma_of(exact, noise) ** 2
+    np.testing.assert_allclose(added, 10.0**2 / 12)  # uniform over a step of 10 W
+
+
 def test_rows_without_load_tell_of_their_own_noise() -> None:
     loaded = pd.DataFrame({"D1": 0.9, "D2": 0.1, "P2_W": np.tile(SET_POINTS, 5), "kind": "load"})
     idle = pd.DataFrame({"kind": ["standby"] * 8, "P2_W": 0.0})
