@@ -15,7 +15,7 @@ import os
 import shutil
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -176,14 +176,24 @@ def _followed(folder: Path, rows: int) -> _Followed:
                 for _ in range(FOLLOWED):
                     written[writer.write(1)] = time.perf_counter()
                     time.sleep(0.4)
-                told_s = tuple(
-                    viewer.seen[done] - at
-                    for viewer in viewers
-                    for done, at in written.items()
-                    if done in viewer.seen
-                )
+                time.sleep(POINT_BAR_S)  # who has not been told by then has missed the bar
+                told_s = tuple(late for viewer in viewers for late in told_after(viewer.seen, written))
                 sent = [viewer.received - start for viewer, start in zip(viewers, before, strict=True)]
     return _Followed(rows=rows, page_s=page_s, told_s=told_s, sent_kB=statistics.mean(sent) / FOLLOWED / 1e3)
+
+
+def told_after(seen: Mapping[int, float], written: Mapping[int, float]) -> tuple[float, ...]:
+    """Seconds from each row's writing until a viewer was told of so many rows or more; infinite where it never was.
+
+    Both map a number of rows to a time. A look may skip a number: whoever is told of ten rows is told of the ninth.
+
+    >>> told_after({9: 1.5, 11: 2.25}, {9: 1.0, 10: 1.5, 12: 2.0})
+    (0.5, 0.75, inf)
+    """
+    return tuple(
+        min((when for rows, when in seen.items() if rows >= done), default=float("inf")) - at
+        for done, at in written.items()
+    )
 
 
 @dataclass(slots=True)
