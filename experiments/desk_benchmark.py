@@ -15,14 +15,13 @@ import os
 import shutil
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,13 +44,13 @@ from experiments.harness.lab_data import measured_table
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Goal, Result, Table
 from experiments.harness.settings import Countdown, Settings
+from experiments.harness.timing import Cost, timed
 from experiments.harness.viewers import dashboard, watching
 from models.dataset import load_measurements
 from models.registry import Registry
 from models.surrogate import train_d2ea
 from sim.model import Model
 
-T = TypeVar("T")
 Array = NDArray[np.float64]
 
 SEED = 31_000
@@ -97,23 +96,23 @@ def _retraining(settings: Settings, folder: Path) -> tuple[Table, Goal]:
     data = TrainingData.of_file(Path("lab.csv"), load_measurements(table))
     simulator = Model.baseline()
     retrainer = Retrainer(registry=Registry(folder / "models"), simulator=simulator, now=_now)
-    simulated, simulate_s, simulate_cpu_s = _timed(lambda: retrainer.simulated)
-    done, judged_s, judged_cpu_s = _timed(lambda: retrainer.retrain(data))
-    model, stages_s, stages_cpu_s = _timed(lambda: train_d2ea(simulated, data.rows))
+    simulated, simulation = timed(lambda: retrainer.simulated)
+    done, retraining = timed(lambda: retrainer.retrain(data))
+    model, stages = timed(lambda: train_d2ea(simulated, data.rows))
     search = BestModulation(simulator=simulator, loads_W=loads_of(simulator))
-    _, optimum_s, optimum_cpu_s = _timed(lambda: search.table(model, search.exactly(model)))
+    _, optimum = timed(lambda: search.table(model, search.exactly(model)))
     said = said_of(done.decision) if done.decision else done.said
-    rows: tuple[tuple[Cell, ...], ...] = (
-        ("the grid, simulated once", simulate_s, simulate_cpu_s, f"{len(simulated)} of 12500 feasible"),
-        ("D²EA, both stages", stages_s, stages_cpu_s, f"{len(data)} measured rows"),
-        ("its optimum over 19 loads, and the table", optimum_s, optimum_cpu_s, "feasibility asked anew"),
-        ("a whole retraining: three kinds, judged, table if promoted", judged_s, judged_cpu_s, said),
+    steps: tuple[tuple[str, Cost, str], ...] = (
+        ("the grid, simulated once", simulation, f"{len(simulated)} of 12500 feasible"),
+        ("D²EA, both stages", stages, f"{len(data)} measured rows"),
+        ("its optimum over 19 loads, and the table", optimum, "feasibility asked anew"),
+        ("a whole retraining: three kinds, judged, table if promoted", retraining, said),
     )
-    wall_s = stages_s + optimum_s
+    rows = tuple((step, cost.wall_s, cost.cpu_s, what) for step, cost, what in steps)
     columns = ("step", "wall (s)", "processor (s)", "what")
     goal = Goal(
         name="retraining, both stages and the optimum",
-        value=wall_s,
+        value=stages.wall_s + optimum.wall_s,
         bar=RETRAIN_BAR_S,
         at_least=False,
         unit="s",
@@ -123,13 +122,6 @@ def _retraining(settings: Settings, folder: Path) -> tuple[Table, Goal]:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat()
-
-
-def _timed(work: Callable[[], T]) -> tuple[T, float, float]:
-    """What ``work`` returns, and its wall and processor seconds."""
-    wall_s, cpu_s = time.perf_counter(), time.process_time()
-    made = work()
-    return made, time.perf_counter() - wall_s, time.process_time() - cpu_s
 
 
 # --- a campaign followed ----------------------------------------------------------------------------------
@@ -321,8 +313,8 @@ def _campaign(url: str, points: int) -> tuple[float, float]:
     clock = StepClock()
     with Rack(Plant.virtual(seed=SEED, hidden={}, clock=clock)) as rack, Store(url) as store:
         job = Job.prepare(campaign, check(rack.bench_config(), BenchConfig, file="rack"))
-        _, wall_s, cpu_s = _timed(lambda: run_campaign(job, store, clock))
-    return wall_s, cpu_s
+        _, cost = timed(lambda: run_campaign(job, store, clock))
+    return cost.wall_s, cost.cpu_s
 
 
 EXPERIMENT = Experiment(title="The operator's desk: retraining, and what looking costs", run=run, apart=True)

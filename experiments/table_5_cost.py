@@ -1,22 +1,19 @@
 """Table V: time and processor use of each step of D²EA, here and in the paper.
 
 Step 1 simulates the 12,500 points and measures a campaign over the wires; how long the bench itself would have taken,
-on its own clock, stands beside the wall clock, since a virtual bench need not wait. Step 2 trains both models, once as
-published and once with the enumeration of hyper-parameters; step 3 searches 19 loads. Times belong to the machine.
+on its own clock, stands beside the wall clock, since a virtual bench need not wait. Step 2 trains the three models of
+Fig. 13 once, without the enumeration of Table III; step 3 searches 19 loads. Times belong to the machine.
 """
 
 import math
 import os
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Comparison, Goal, Result, Table
 from experiments.harness.settings import Countdown, Settings
+from experiments.harness.timing import Cost, timed
 from experiments.study.labs import POINTS, campaign, campaign_points, set_points
 from experiments.study.on_bench import bench_seconds_a_point, measured_on_bench
 from experiments.study.optima import LOADS_W, SEARCH_SEED, feasible_map, problems_of, trained
@@ -30,46 +27,26 @@ PAPER_USE = {1: 20.2, 2: 68.9, 3: 43.9}
 SAID = {1: "collect simulation and experimental data", 2: "train both models", 3: "search for the optimum"}
 WIRED_POINTS, LEAST_WIRED = 60, 4
 _MACHINE = "the paper's is a 4-core Xeon E5-1630, this is another: shown, not judged"
-T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class Cost:
-    """Wall and processor seconds of one step."""
-
-    wall_s: float
-    cpu_s: float
-
-    @property
-    def use(self) -> float:
-        """Processor use over all cores, per cent."""
-        return 100 * self.cpu_s / self.wall_s / (os.cpu_count() or 1) if self.wall_s > 0 else math.nan
-
-
-def _timed(work: Callable[[], T]) -> tuple[T, Cost]:
-    wall_s, cpu_s = time.perf_counter(), time.process_time()
-    made = work()
-    return made, Cost(time.perf_counter() - wall_s, time.process_time() - cpu_s)
 
 
 def run(settings: Settings) -> Result:
     """Each step once, on one core."""
     countdown = Countdown(4, settings)
-    _, simulated = _timed(lambda: simulate(Model.baseline(), grid()))
+    _, simulated = timed(lambda: simulate(Model.baseline(), grid()))
     countdown.finished("grid")
     count = max(LEAST_WIRED, settings.thinned(WIRED_POINTS))
     points = set_points(4 * count, np.random.default_rng(24))
     points = points[points[:, 2] < 1500][:count]  # without heat margins: what every lab carries
-    table, wired = _timed(lambda: measured_on_bench(0, points, name="Table V"))
+    table, wired = timed(lambda: measured_on_bench(0, points, name="Table V"))
     countdown.finished("campaign over the wires")
     rows = campaign_points(settings)
     campaign(settings.out, 0, rows)  # made before the clock starts: it stands for a campaign already measured
-    models, training = _timed(lambda: trained(settings.out, 0, rows))
+    models, training = timed(lambda: trained(settings.out, 0, rows))
     countdown.finished("training")
     loads = tuple(LOADS_W.tolist())
     feasible_map(loads)
     problems = problems_of(models[D2EA], loads)
-    _, search = _timed(lambda: PSO_SAVL.maximise(problems, seed=SEARCH_SEED))
+    _, search = timed(lambda: PSO_SAVL.maximise(problems, seed=SEARCH_SEED))
     countdown.finished("search")
     whole = Cost(
         simulated.wall_s + wired.wall_s * POINTS / len(table),
