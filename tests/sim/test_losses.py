@@ -126,3 +126,17 @@ def test_taking_over_a_current_costs_the_switch_that_closes(edge: int, part: str
     turn_on_A = np.zeros((4, 1))
     turn_on_A[edge] = 5.0
     assert switched_W(turn_on_A=turn_on_A)[part].item() > 0.1  # W: microjoules at 20 kHz
+
+
+def test_a_body_diode_of_the_dead_time_loses_what_it_drops_beyond_the_channel() -> None:
+    charge_C, current_A = 2e-6, np.array([[0.0], [0.0], [8.0], [0.0]])
+    carried_C = np.array([[0.0], [0.0], [charge_C], [0.0]])
+    switch = prototype().secondary.switch
+    (diode_V, diode_Ohm), (channel_V, channel_Ohm) = (
+        law.at(JUNCTION_C) for law in (switch.reverse, switch.on)
+    )
+    beyond_V = diode_V - channel_V + (diode_Ohm - channel_Ohm) * 8.0
+    part = "secondary_switching"
+    with_diode_W = switched_W(turn_off_A=current_A, opposite_C=carried_C)[part].item()
+    extra_W = with_diode_W - switched_W(turn_off_A=current_A)[part].item()
+    assert extra_W == pytest.approx(2 * 20e3 * charge_C * beyond_V, rel=1e-9)  # one leg, two edges a period

@@ -73,3 +73,18 @@ def test_a_square_voltage_swings_the_transformer_by_its_volt_seconds() -> None:
     expected_W = core_loss_W(core, np.array([280.0 * 25e-6]), np.array([280.0**core.alpha]))
     # the two legs' delays differ by nanoseconds of the 25 us at most
     np.testing.assert_allclose(ours_W[no_zero_state], expected_W[0], rtol=0.02)
+
+
+def test_the_inductor_s_core_swings_by_the_flux_of_its_current() -> None:
+    case, samples = random_case(40, seed=16), 20_000
+    place = (np.arange(samples) + 0.5)[:, None] / samples * case.circuit.half_period_s
+    current_A = case.orbit.pieces.current_at(place)
+    core, inductance_H = prototype().inductor.core, 236e-6
+    induced_V = inductance_H * np.abs(np.gradient(current_A, axis=0)) / (25e-6 / samples)
+    expected_W = core_loss_W(
+        core, inductance_H * 2 * np.abs(current_A).max(axis=0), np.mean(induced_V**core.alpha, axis=0)
+    )
+    t = Temperatures.everywhere(prototype(), np.full(40, 25.0))
+    ours_W = magnetic_losses(prototype(), t, case.orbit.pieces, link_current(case.orbit.pieces, 20e3))
+    # a stretch between two edges counts with its mean slope, which resistance bends a little
+    np.testing.assert_allclose(ours_W["inductor_core"], expected_W, rtol=1e-3)
