@@ -53,7 +53,6 @@ CHANNELS: tuple[Channel, ...] = (
     Channel(name="T_transformer_C", column="T_transformer_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
     Channel(name="T_inductor_C", column="T_inductor_C", unit="degC", floor=0.3, accuracy=0.3, watt=3.0),
 )
-_BY_NAME = {channel.name: channel for channel in CHANNELS}
 _IN_STANDBY = {"efficiency"}
 _WITHOUT_LOAD = {
     "efficiency",
@@ -207,8 +206,3 @@ def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Ob
         rated_W=converter.rated_power_W,
         processes=processes,
     )
-
-
-def channel_named(name: str) -> Channel:
-    """The channel of that name."""
-    return _BY_NAME[name]

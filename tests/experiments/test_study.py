@@ -55,6 +55,7 @@ def test_gates_make_the_bridges_voltages() -> None:
     leg = drawn["S1"] * drawn["S2"] - drawn["S3"] * drawn["S4"]
     other = drawn["S5"] * drawn["S6"] - drawn["S7"] * drawn["S8"]
     vp, vs = (leg - other) / 2, drawn["Q1"] - (1 - drawn["Q4"])
+    # of 2000 positions, an edge may be one too early or too late: four edges of each bridge
     assert [np.mean(vp == level) for level in (1, 0, -1)] == pytest.approx([0.35, 0.3, 0.35], abs=2e-3)
     assert [np.mean(vs == level) for level in (1, 0, -1)] == pytest.approx([0.35, 0.3, 0.35], abs=2e-3)
 

@@ -11,7 +11,7 @@ from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.law import Laws
 from models.diagnosis.leftover import AMPLITUDES_W, Leftover, Leftovers
-from models.diagnosis.observations import Observations, observe
+from models.diagnosis.observations import CHANNELS, Observations, observe
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature, Signatures
 from models.diagnosis.whitener import Whitener
@@ -20,6 +20,7 @@ from sim.model import Model
 from sim.prototype import prototype
 
 Array = NDArray[np.float64]
+CHANNEL = {channel.name: channel for channel in CHANNELS}
 
 
 def loads(power_W: Array) -> Observations:

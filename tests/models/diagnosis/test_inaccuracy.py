@@ -9,11 +9,12 @@ import pytest
 
 from bench.model_file import read_model
 from models.diagnosis.inaccuracy import inaccuracy, of_laws
-from models.diagnosis.observations import Observations, channel_named, observe
+from models.diagnosis.observations import Observations, observe
 from sim.losses import missing_losses
 from sim.modulation import EDGES
 from sim.prototype import prototype
 from sim.simulate import Points, Result
+from tests.models.diagnosis.fabricated import CHANNEL
 
 OTHER = Path(__file__).parents[3] / "docs" / "examples" / "two_level_dab.toml"
 CHANNELS = ("efficiency", "P_link1_W", "P_link2_W")
@@ -47,7 +48,7 @@ def lost_in(part: str, **missing: float) -> Result:
 )
 def test_a_part_is_seen_by_the_channels_behind_it(part: str, law: float, shown_by: int) -> None:
     smooth, at_edges, cut_short = inaccuracy(readings(), lost_in(part), prototype())
-    own = np.array([channel_named(name).accuracy for name in CHANNELS])
+    own = np.array([CHANNEL[name].accuracy for name in CHANNELS])
     extra = np.where(np.arange(3) < shown_by, 10.0 * law, 0.0)
     np.testing.assert_allclose(smooth, np.hypot(own, extra), rtol=1e-12)
     assert not np.any(at_edges)
@@ -91,9 +92,9 @@ def test_a_law_over_the_whole_map_is_one_of_the_input_power() -> None:
 
 
 def test_channels_scale_with_the_converter() -> None:
-    small, channel = read_model(OTHER).converter, channel_named("P_link1_W")
+    small, channel = read_model(OTHER).converter, CHANNEL["P_link1_W"]
     assert channel.of(small).floor == pytest.approx(channel.floor * small.rated_power_W / 2000.0)
-    current = channel_named("I_L_rms_A")
+    current = CHANNEL["I_L_rms_A"]
     rated_A = small.rated_power_W / small.V1_V
     assert current.of(small).accuracy == pytest.approx(current.accuracy * rated_A / (2000.0 / 300.0))
     assert replace(channel, floor=1.0) == channel  # one channel is one, however large its converter

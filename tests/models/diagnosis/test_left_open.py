@@ -10,14 +10,14 @@ from models.diagnosis.bench_options import Allowed
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.left_open import Ahead, left_open
 from models.diagnosis.next_measurement import NO_FIT, Rival, next_measurements
-from models.diagnosis.observations import channel_named
 from models.diagnosis.refinery import Refinery
 from sim.model import Model
 from sim.operating_points import Points
+from tests.models.diagnosis.fabricated import CHANNEL
 from tests.models.diagnosis.virtual_campaign import lab_campaign
 
 POWERS = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
-EFFICIENCY = (channel_named("efficiency"),)
+EFFICIENCY = (CHANNEL["efficiency"],)
 
 
 @pytest.fixture(scope="module")
@@ -97,5 +97,5 @@ def test_somebody_at_the_bench_is_asked_and_the_points_that_help_without_are_tol
 
 def test_what_is_measured_again_is_on_the_side_of_a_threshold_where_it_was_read(found: Diagnosis) -> None:
     points = Points(D1=[0.9, 0.9], D2=0.1, power_W=900.0, seen_heatsink_C=[45.0, np.nan])
-    seen, _ = Ahead(points=points, channels=(channel_named("T_heatsink_C"),)).observed(found.refinery)
+    seen, _ = Ahead(points=points, channels=(CHANNEL["T_heatsink_C"],)).observed(found.refinery)
     np.testing.assert_array_equal(seen.points.seen_heatsink_C, [45.0, np.nan])
