@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.mocks.lab.survey import schedule, survey
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Goal, Picture, Result, Table
+from experiments.harness.result import POINTS, Goal, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import POWER_RANGE_W, SUPPLY_V, Array, lab_numbers, laboratory, seed_of
 from experiments.study.lessons import mean_and_spread
@@ -29,7 +29,6 @@ VOLTAGES_V = (270.0, 300.0, 330.0)
 INDUCTANCES = (-0.15, 0.0, 0.15)
 SIMULATED, MEASURED = 1250, 400
 JUDGED = 600
-_POINTS = 100.0
 _NOMINAL = (2.0 * 140.0 / SUPPLY_V, 0.0)
 
 
@@ -155,7 +154,7 @@ def _errors(
         second = BoostedTrees.fit(columns(measured, names), gap, XGBOOST_II, more)
         alone = first.predict(*columns(judged, names))
         both = alone + second.predict(*columns(judged, names))
-        return tuple(_POINTS * float(np.mean(np.abs(x - truth))) for x in (both, alone))  # type: ignore[return-value]
+        return tuple(POINTS * float(np.mean(np.abs(x - truth))) for x in (both, alone))  # type: ignore[return-value]
 
     five, alone = d2ea(simulated, INPUTS)
     return five, d2ea(simulated, INPUTS[:3])[0], d2ea(fixed, INPUTS[:3])[0], alone
@@ -187,8 +186,8 @@ def _sensitivity(simulated: pd.DataFrame) -> Picture:
 
 def _pair(axis: Axes, x: Floats, known: Floats, learned: Floats, drawn: tuple[str, float]) -> None:
     colour, power_W = drawn
-    axis.plot(x, _POINTS * known, color=colour, lw=1.6, label=f"{power_W:.0f} W, simulator")
-    axis.plot(x, _POINTS * learned, color=colour, lw=1.1, ls="--", label=f"{power_W:.0f} W, XGBoost-I")
+    axis.plot(x, POINTS * known, color=colour, lw=1.6, label=f"{power_W:.0f} W, simulator")
+    axis.plot(x, POINTS * learned, color=colour, lw=1.1, ls="--", label=f"{power_W:.0f} W, XGBoost-I")
 
 
 EXPERIMENT = Experiment(title="Fig. 7: voltage ratio and leakage inductance as further inputs", run=run)

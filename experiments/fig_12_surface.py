@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Comparison, Goal, Picture, Result, Table
+from experiments.harness.result import POINTS, Comparison, Goal, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import ASSUMED, Array, campaign_points, lab_numbers, measured_at, seed_of
 from experiments.study.optima import trained
@@ -17,7 +17,6 @@ from models.surrogate import D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY, StagedModel
 from sim.model import Model
 from sim.simulate import Points, can_run
 
-POINTS = 100.0
 POWER_W = 1000.0
 LATTICE = 16
 LOWEST = 92.0  # of the drawn surface, per cent

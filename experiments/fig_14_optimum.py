@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Cell, Comparison, Goal, Picture, Result, Table
+from experiments.harness.result import POINTS, Cell, Comparison, Goal, Picture, Result, Table
 from experiments.harness.settings import Settings
 from experiments.study.labs import ASSUMED
 from experiments.study.on_bench import measured_on_bench
@@ -17,7 +17,6 @@ from experiments.study.pictures import COLOURS, dress, legend, panels, picture
 from models.boosting import Floats
 from models.surrogate import D2EA
 
-POINTS = 100.0
 PEAK, PEAK_W = 98.45, 600.0
 PREDICTED_BAR = 0.08
 _PROTOTYPE = (

@@ -8,7 +8,7 @@ modulations are compared and not the models; the optimum that D²EA finds for th
 import numpy as np
 
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Cell, Comparison, Goal, Picture, Result, Table
+from experiments.harness.result import POINTS, Cell, Comparison, Goal, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import ASSUMED
 from experiments.study.modulations import MODULATIONS, compared
@@ -18,7 +18,6 @@ from experiments.study.pictures import COLOURS, MARKERS, dress, legend, panels, 
 from models.boosting import Floats
 from models.surrogate import D2EA
 
-POINTS = 100.0
 PEAK, PEAK_W = 98.45, 600.0
 PAPER_GAIN = {"sps": 0.293, "dps": 0.381, "eps": 0.246, "tps": 0.246}
 SAID = {"hybrid": "optimal hybrid", "sps": "SPS", "dps": "optimal DPS", "eps": "optimal EPS", "tps": "optimal TPS",

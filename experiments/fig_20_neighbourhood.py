@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Cell, Comparison, Goal, Picture, Result, Table
+from experiments.harness.result import POINTS, Cell, Comparison, Goal, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import ASSUMED, Array, measured_at, seed_of
 from experiments.study.on_bench import measured_on_bench
@@ -18,7 +18,6 @@ from experiments.study.pictures import COLOURS, MAP, colour_bar, dress, panels, 
 from models.boosting import Floats
 from models.surrogate import CALIBRATED, D2EA
 
-POINTS = 100.0
 LOADS_W = (600.0, 1000.0, 1600.0)
 REACH, STEPS, QUICK_STEPS = 0.12, 7, 5
 BETTER_BAR, CALIBRATED_BAR = 0.08, 0.02

@@ -18,7 +18,7 @@ from bench.training import feasible_of, simulated_table, tenth_of
 from drivers.mocks.lab.laboratory import Laboratory
 from experiments.harness.lab_data import measured_table
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Cell, Goal, Result, Table
+from experiments.harness.result import POINTS, Cell, Goal, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from models.dataset import load_measurements
 from models.exhaustive import exact_optimum
@@ -35,7 +35,6 @@ SEED = 20_500
 LOADS_W = np.arange(200.0, 2001.0, 100.0)
 MEASURED_POINTS, LEAST_MEASURED = 400, 40
 SECONDS_BAR, REGRET_BAR_POINTS = 2.0, 0.01
-_POINTS = 100.0
 _STEPS = 2 + len(OPTIMISERS)
 
 
@@ -85,7 +84,7 @@ def _search(settings: Settings, timed: _Timed) -> tuple[Table, list[Goal]]:
     goals: list[Goal] = []
     for search in OPTIMISERS:
         found, seconds = timed(search.name, lambda search=search: search.maximise(problems, seed=SEED))  # type: ignore[misc]
-        regret = _POINTS * (exact.value - found.value)
+        regret = POINTS * (exact.value - found.value)
         worst, mean = float(np.max(regret)), float(np.mean(regret))
         rows.append((search.name, found.evaluations, seconds, seconds / exact_s, worst, mean))
         if search in (PSO_SAVL, PSO_SAVL_POLISHED):

@@ -16,7 +16,7 @@ from bench.model_file import read_model
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import Schedule, noise_free_efficiency, schedule, survey
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Cell, Goal, Picture, Result, Table
+from experiments.harness.result import POINTS, Cell, Goal, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import CAMPAIGN_S, REFERENCE_EVERY, Array
 from experiments.study.learners import NAMES, SIMULATOR, SIMULATOR_GP, Lesson, learned
@@ -48,7 +48,6 @@ FIRST_SEED = 440_000
 MEASURED, LEAST = 250, 120
 KINDS = (SIMULATION_ONLY, SIMULATOR, EXPERIMENT_ONLY, D2EA, SIMULATOR_FIRST, SIMULATOR_GP)
 CALIBRATED_BAR = 0.05
-_POINTS = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,11 +160,11 @@ def _chain(bench: Bench, hidden: str, grid: pd.DataFrame, count: int) -> Chain:
     chosen = grid.iloc[split_simulation(grid, seed=0).train]
     lesson = Lesson(simulated=chosen, fitted=fitted, judged=judged, idle=idle, seed=0, baseline=bench.model)
     truth = judged["efficiency"].to_numpy(dtype=np.float64)
-    errors = {kind: _POINTS * accuracy_of(learned(kind, lesson), truth).mean_abs for kind in KINDS}
+    errors = {kind: POINTS * accuracy_of(learned(kind, lesson), truth).mean_abs for kind in KINDS}
     whole = pd.concat([idle, fitted]).sort_values("time_s", ignore_index=True)
     diagnosis = diagnose(load_measurements(whole), bench.model, without=absent_effects(bench.model))
     place = (judged[name].to_numpy(dtype=np.float64) for name in ("D1", "D2", "P2_W"))
-    errors[CALIBRATED] = _POINTS * accuracy_of(diagnosis.calibrated.predict(*place), truth).mean_abs
+    errors[CALIBRATED] = POINTS * accuracy_of(diagnosis.calibrated.predict(*place), truth).mean_abs
     rated_W = bench.model.converter.rated_power_W
     loads_W = rated_W * np.linspace(0.2, 0.9, 8)
     optima = {
@@ -178,7 +177,7 @@ def _chain(bench: Bench, hidden: str, grid: pd.DataFrame, count: int) -> Chain:
     read = {kind: bench.true(np.stack([o.D1, o.D2, o.power_W], axis=1)) for kind, o in optima.items()}
     return Chain(
         hidden=hidden, errors=errors,
-        floor=_POINTS * float((judged["efficiency"] - judged["true"]).abs().mean()),
+        floor=POINTS * float((judged["efficiency"] - judged["true"]).abs().mean()),
         d2ea=optima[D2EA], calibrated=optima[CALIBRATED], read=read | {"sps": bench.true(sps)}, diagnosis=diagnosis,
     )  # fmt: skip
 
@@ -216,7 +215,7 @@ def _goals(chains: list[Chain]) -> tuple[Goal, ...]:
              at_least=False),
         Goal(name="calibrated physics, mean error", value=mean(CALIBRATED), bar=CALIBRATED_BAR, at_least=False,
              unit="points"),
-        Goal(name="optimal TPS above SPS, mean over loads and labs", value=_POINTS * float(gain), bar=0.0,
+        Goal(name="optimal TPS above SPS, mean over loads and labs", value=POINTS * float(gain), bar=0.0,
              at_least=True, unit="points"),
     )  # fmt: skip
 
@@ -244,9 +243,9 @@ def _diagnoses(chains: list[Chain]) -> Table:
 
 def _optima(chain: Chain) -> Table:
     rows = tuple(
-        (float(load), float(chain.d2ea.D1[k]), float(chain.d2ea.D2[k]), _POINTS * float(chain.d2ea.predicted[k]),
-         _POINTS * float(chain.read[D2EA][k]), _POINTS * float(chain.read[CALIBRATED][k]),
-         _POINTS * float(chain.read["sps"][k]))
+        (float(load), float(chain.d2ea.D1[k]), float(chain.d2ea.D2[k]), POINTS * float(chain.d2ea.predicted[k]),
+         POINTS * float(chain.read[D2EA][k]), POINTS * float(chain.read[CALIBRATED][k]),
+         POINTS * float(chain.read["sps"][k]))
         for k, load in enumerate(chain.d2ea.power_W)
     )  # fmt: skip
     columns = (
@@ -268,7 +267,7 @@ def _picture(chain: Chain) -> Picture:
         ((CALIBRATED, "optimal TPS, calibrated"), (D2EA, "optimal TPS, D²EA"), ("sps", "SPS")), COLOURS, MARKERS,
         strict=False,
     ):  # fmt: skip
-        left.plot(loads, _POINTS * chain.read[kind], color=colour, marker=marker, ms=4, label=said)
+        left.plot(loads, POINTS * chain.read[kind], color=colour, marker=marker, ms=4, label=said)
     for column, colour in (("D1", COLOURS[2]), ("D2", COLOURS[3])):
         right.plot(
             loads,

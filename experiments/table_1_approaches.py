@@ -15,7 +15,7 @@ import sim.harmonic
 import sim.knowledge
 import sim.piecewise
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Cell, Goal, Picture, Result, Table
+from experiments.harness.result import POINTS, Cell, Goal, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import ASSUMED, campaign, campaign_points, lab_numbers, loads_of, seed_of
 from experiments.study.learners import Lesson, learned
@@ -38,7 +38,6 @@ WORDS = {  # of Table I: manpower, data size, deviation
 }
 SAID = {PIECEWISE: "piecewise [9]–[11]", HARMONICS: "harmonics [12]–[14], three of them",
         NETWORK: "data-driven [18]–[21]: network", D2EA: "D²EA"}  # fmt: skip
-_POINTS = 100.0
 
 
 def run(settings: Settings) -> Result:
@@ -62,7 +61,7 @@ def run(settings: Settings) -> Result:
         predictions = knowledge_based(judged) | _learned(network, lesson)
         for name, predicted in predictions.items():
             off = predicted - judged["efficiency"].to_numpy(dtype=np.float64)
-            errors[name].append(_POINTS * float(np.nanmean(np.abs(off))))
+            errors[name].append(POINTS * float(np.nanmean(np.abs(off))))
         countdown.finished(f"lab {lab}")
     return Result(
         virtual=True,

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Cell, Comparison, Picture, Result, Table
+from experiments.harness.result import POINTS, Cell, Comparison, Picture, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.study.labs import campaign, campaign_points, grid_table, lab_numbers, loads_of
 from experiments.study.pictures import COLOURS, dress, legend_below, panels, picture
@@ -22,7 +22,6 @@ from models.boosting import XGBOOST_I, XGBOOST_II, BoostedTrees, BoostSettings, 
 from models.splits import Split, split_experiment, split_simulation
 from models.surrogate import inputs_of
 
-POINTS = 100.0
 DEPTHS, RATES, PENALTIES = (3, 5, 7, 9, 11, 13), (0.03, 0.05, 0.1, 0.2, 0.3), (0.01, 0.1, 1.0, 10.0)
 TREES = (47, 94, 140, 200, 300)
 SEED = 0

@@ -14,7 +14,7 @@ from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Comparison, Goal, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.harness.timing import Cost, timed
-from experiments.study.labs import POINTS, campaign, campaign_points, set_points
+from experiments.study.labs import CAMPAIGN_POINTS, campaign, campaign_points, set_points
 from experiments.study.on_bench import bench_seconds_a_point, measured_on_bench
 from experiments.study.optima import LOADS_W, SEARCH_SEED, feasible_map, problems_of, trained
 from models.pso import PSO_SAVL
@@ -49,11 +49,11 @@ def run(settings: Settings) -> Result:
     _, search = timed(lambda: PSO_SAVL.maximise(problems, seed=SEARCH_SEED))
     countdown.finished("search")
     whole = Cost(
-        simulated.wall_s + wired.wall_s * POINTS / len(table),
-        simulated.cpu_s + wired.cpu_s * POINTS / len(table),
+        simulated.wall_s + wired.wall_s * CAMPAIGN_POINTS / len(table),
+        simulated.cpu_s + wired.cpu_s * CAMPAIGN_POINTS / len(table),
     )
     costs = {1: whole, 2: training, 3: search}
-    bench_s = bench_seconds_a_point() * POINTS
+    bench_s = bench_seconds_a_point() * CAMPAIGN_POINTS
     return Result(
         virtual=True,
         comparisons=tuple(
@@ -74,9 +74,9 @@ def run(settings: Settings) -> Result:
         tables=(_table(simulated, wired, len(table), bench_s, costs),),
         notes=(
             f"{os.cpu_count()} cores, of which each step uses one; processor use is of all of them",
-            f"step 1 measured {len(table)} points over the wires and is scaled to {POINTS}",
-            f"on the bench's own clock, with its settling and averaging, {POINTS} points take {bench_s / 3600:.1f} h: "
-            "a real bench cannot be hurried, the simulation beside it is negligible",
+            f"step 1 measured {len(table)} points over the wires and is scaled to {CAMPAIGN_POINTS}",
+            f"on the bench's own clock, with its settling and averaging, {CAMPAIGN_POINTS} points take "
+            f"{bench_s / 3600:.1f} h: a real bench cannot be hurried, the simulation beside it is negligible",
         ),
         assumed=("what the paper's step 2 includes; here one training of the three models of Fig. 13",),
     )  # fmt: skip
@@ -86,7 +86,7 @@ def _table(simulated: Cost, wired: Cost, measured: int, bench_s: float, costs: d
     rows: tuple[tuple[Cell, ...], ...] = (
         ("12,500 points simulated", simulated.wall_s, simulated.cpu_s, simulated.use),
         (f"{measured} points measured over the wires", wired.wall_s, wired.cpu_s, wired.use),
-        (f"{POINTS} points on the bench's own clock", bench_s, None, None),
+        (f"{CAMPAIGN_POINTS} points on the bench's own clock", bench_s, None, None),
         ("three models trained", costs[2].wall_s, costs[2].cpu_s, costs[2].use),
         ("PSO-SAVL, 19 loads", costs[3].wall_s, costs[3].cpu_s, costs[3].use),
     )

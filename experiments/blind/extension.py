@@ -16,7 +16,7 @@ from drivers.mocks.lab.survey import settle, survey
 from experiments.blind.draws import extension
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.trial import BlindTrial, laboratory
-from experiments.harness.result import Goal, Table
+from experiments.harness.result import POINTS, Goal, Table
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 from sim.effects.catalogue import CATALOGUE
@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 
 EXTENSIONS, BAR = 200, 1.2
 _BANDS, _RESAMPLES = 4, 2000
-_POINTS = 100.0
 
 
 def points_of(rows: pd.DataFrame) -> Points:
@@ -117,7 +116,7 @@ def _extension(run: Run) -> Outcome:
     rows = []
     for name in dict.fromkeys(t.names[0] for t, _ in done):
         own = [r for t, r in done if t.names[0] == name]
-        mean = {k: _POINTS * float(np.mean([r["errors"][k] for r in own])) for k in own[0]["errors"]}
+        mean = {k: POINTS * float(np.mean([r["errors"][k] for r in own])) for k in own[0]["errors"]}
         right = sum(name in r["extended"] for r in own)
         rows.append((name, len(own), mean["baseline"], mean["extended"], mean["true"], right))
     columns = ("hidden", "trials", "baseline, points", "extended", "true effect fitted", "extended by it")

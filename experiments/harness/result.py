@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Self
 
 Cell = str | int | float | bool | None
+POINTS = 100.0  # of efficiency in a unit
 
 _NOTHING, _LARGE = 1e-15, 1e4  # smaller is not worth an exponent, larger has no decimals
 

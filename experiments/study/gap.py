@@ -9,14 +9,13 @@ from drivers.mocks.lab.hidden import Quirks, hide
 from drivers.mocks.lab.instruments import InstrumentErrors
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import noise_free_efficiency
-from experiments.harness.result import Cell, Table
+from experiments.harness.result import POINTS, Cell, Table
 from experiments.harness.settings import Settings
 from experiments.study.labs import CAMPAIGN_S, SUPPLY_V, Array, lab_numbers, laboratory, set_points
 from sim.model import Model
 from sim.prototype import prototype
 from sim.simulate import Points, simulate
 
-POINTS_OF_EFFICIENCY = 100.0
 SET_POINTS, LEAST = 300, 60
 STEPS = ("as it is", "instruments ideal", "and all parts nominal", "and nothing hidden")
 
@@ -42,7 +41,7 @@ def gaps(settings: Settings) -> list[Gap]:
 def _gap(number: int, points: Array, simulated: Array) -> Gap:
     lab = laboratory(number)
     shown = [_shown(step, points) for step in _idealised(lab)]
-    differences = [POINTS_OF_EFFICIENCY * (simulated - one) for one in shown]
+    differences = [POINTS * (simulated - one) for one in shown]
     return Gap(
         lab=number,
         hidden=lab.hidden,

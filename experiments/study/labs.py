@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 FIRST_SEED = 400_000
 LABS, LEAST_LABS = 12, 2
 EFFECTS_A_LAB = 2
-POINTS, LEAST_POINTS = 1000, 160
+CAMPAIGN_POINTS, LEAST_POINTS = 1000, 160
 FULL_CAMPAIGN_SCALE = 0.1  # from here on every campaign has all its points
 CAMPAIGN_S = 9 * 3600 + 17 * 60  # Table V: all data of the paper
 REFERENCE_EVERY = 12
@@ -54,7 +54,7 @@ def lab_numbers(settings: Settings) -> range:
 
 def campaign_points(settings: Settings) -> int:
     """Set points of a campaign: the paper's 1000, fewer only in a run thinned beyond the quick one."""
-    return max(LEAST_POINTS, round(POINTS * min(1.0, settings.scale / FULL_CAMPAIGN_SCALE)))
+    return max(LEAST_POINTS, round(CAMPAIGN_POINTS * min(1.0, settings.scale / FULL_CAMPAIGN_SCALE)))
 
 
 def seed_of(number: int) -> int:

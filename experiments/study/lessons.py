@@ -13,6 +13,7 @@ import experiments.study
 import models
 import sim
 from experiments.harness.journal import Journal, code_hash
+from experiments.harness.result import POINTS
 from experiments.harness.settings import Settings
 from experiments.harness.trials import perform
 from experiments.study.labs import DENSE_GRID, PAPER_GRID, campaign, grid_table, loads_of, seed_of
@@ -21,8 +22,6 @@ from models.accuracy import accuracy_of
 from models.boosting import Floats
 from models.splits import Split, split_experiment, split_simulation
 from models.surrogate import SIMULATION_ONLY
-
-POINTS = 100.0  # of efficiency in a unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

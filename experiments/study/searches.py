@@ -13,6 +13,7 @@ import experiments.study
 import models
 import sim
 from experiments.harness.journal import Journal, code_hash
+from experiments.harness.result import POINTS
 from experiments.harness.settings import Settings
 from experiments.harness.trials import perform
 from experiments.study.labs import campaign_points, lab_numbers, true_efficiency
@@ -32,7 +33,6 @@ from models.pso import OPTIMISERS, PSO_SAVL, PSO_SAVL_POLISHED, Optimiser, Optim
 from models.surrogate import D2EA
 
 SEEDS = 10
-POINTS = 100.0
 LONGER = replace(PSO_SAVL, name="PSO-SAVL, ten times the iterations", iterations=500)
 RANDOM = ParticleSwarm(name="500 random points", limit=savl_limit, redraw=True, particles=500, iterations=1)
 SEARCHES: tuple[Optimiser, ...] = (*OPTIMISERS, LONGER, RANDOM)
