@@ -153,8 +153,8 @@ def test_a_repeated_record_is_asked_for_again() -> None:
     analyzer.close()
 
 
-def test_a_record_that_never_changes_is_stale() -> None:
-    values = "299.987E+00,609.450E+00"
+@pytest.mark.parametrize("values", ["299.987E+00,609.450E+00", "299.987E+00,0.00000E+00"])
+def test_a_record_that_never_changes_is_stale(values: str) -> None:
     twice = update(values, queries=2).rpartition("> :STATUS:CONDITION")[0]
     unfrozen = checked(":NUMERIC:HOLD OFF")
     analyzer = configured(f"{update(values)}\n{twice}{unfrozen}\n{update(values)}")
