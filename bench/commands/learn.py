@@ -27,6 +27,7 @@ from bench.training import (
 )
 from bench.training_data import TrainingData
 from bench.wording import points_text
+from models.accuracy import Accuracy
 from models.registry import ModelRecord, Origin, Registry
 from sim.model import Model
 
@@ -66,7 +67,7 @@ def train_(
         record = _keep(trained, Registry(folder), measured, simulator, db)
         error = trained.held_out
         mean, worst = (f"{points_text(value)} points" for value in (error.mean_abs, error.worst_abs))
-        table.add_row(record.id, kind, mean, worst, str(error.points))
+        table.add_row(record.id, kind, mean, worst, judged_text(error))
         if kind == "simulation_only" and error.mean_abs > _FAR_OFF:
             doubts = f"the simulation is {mean} off: d2ea diagnose {data} says why; --sim-model takes another converter"
     out.print(table)
@@ -75,6 +76,11 @@ def train_(
     out.print(
         "errors are of efficiency, on measured set points that were not fitted; models kept use all rows"
     )
+
+
+def judged_text(error: Accuracy) -> str:
+    """On how many points a model was judged, and of how many where it has no prediction for some of them."""
+    return f"{error.points} of {error.points + error.unpredicted}" if error.unpredicted else str(error.points)
 
 
 def _progress(said: str) -> None:

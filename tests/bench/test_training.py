@@ -1,13 +1,15 @@
-"""Training for another converter than the prototype: its voltages and its powers, not the prototype's."""
+"""Training: for another converter than the prototype at its own voltages and powers, and how it is told."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bench.commands.learn import judged_text
 from bench.model_file import read_model
 from bench.optimum import loads_of
 from bench.training import efficiency_of, feasible_of, simulated_table
+from models.accuracy import accuracy_of
 from models.lut import Surroundings
 from sim.model import Model
 from sim.operating_points import Points
@@ -45,3 +47,9 @@ def test_powers_go_from_a_tenth_of_the_rated_one_to_all_of_it(other: Model) -> N
     assert set(table["power_W"]) <= {150.0, 825.0, 1500.0}
     assert loads_of(other)[0] == pytest.approx(150.0, rel=1e-15)  # a tenth rounds
     assert loads_of(Model.baseline()) == tuple(float(power_W) for power_W in range(200, 2001, 100))
+
+
+def test_points_without_a_prediction_are_told() -> None:
+    truth = np.array([0.95, 0.96, 0.97])
+    assert judged_text(accuracy_of(truth, truth)) == "3"
+    assert judged_text(accuracy_of(np.array([0.95, np.nan, 0.97]), truth)) == "2 of 3"
