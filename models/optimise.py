@@ -129,7 +129,7 @@ def optimise_exactly(
         D1=best.D1,
         D2=best.D2,
         predicted=best.value,
-        regret=best.value - best.value,
+        regret=np.where(np.isfinite(best.value), 0.0, np.nan),
         confirmed=_confirmed(mask, best.D1, best.D2),
         optimiser="exact: every cell of the trees",
         evaluations=best.cells // len(mask.loads_W),
