@@ -5,6 +5,7 @@ Give ``tick`` to the server too: the watch over the heartbeat must not depend on
 
 import math
 import struct
+import time
 from collections.abc import Callable, Collection
 from itertools import pairwise
 from typing import Protocol
@@ -88,6 +89,9 @@ class MockController:
     ----------
     counts : PWM counts in half a switching period.
     dead_time : in half periods; a pulse or zero state that is shorter cannot be made.
+    patience_s : of real time without a beat before the PWM trips, however many beats the plant's clock has missed:
+        where that clock runs fast, a host that waits for its turn on a busy machine has not hung.
+    real_s : seconds of real time.
 
     It has the modulations of the converter behind it.
     """
@@ -99,6 +103,8 @@ class MockController:
         identity: str = "d2ea,virtual controller,0,1.0",
         counts: int = 2500,
         dead_time: float = 0.016,
+        patience_s: float = 0.0,
+        real_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._plant = plant
         self._identity = identity
@@ -109,6 +115,8 @@ class MockController:
         self._last_sequence: int | None = None
         self._armed = self._pwm = self._follow = False
         self._beat_s = self._period_s = 0.0
+        self._patience_s, self._real_s = patience_s, real_s
+        self._heard_s = 0.0  # of real time
         self._latched: tuple[str, ...] = ()
         self._acknowledged: tuple[str, ...] = ()
         self._mode = 0
@@ -141,8 +149,13 @@ class MockController:
 
     def tick(self) -> None:
         """Trip when too many beats have been missed."""
-        if self._armed and self._plant.clock.now() - self._beat_s > MISSED_BEATS * self._period_s:
+        missed = self._plant.clock.now() - self._beat_s > MISSED_BEATS * self._period_s
+        if self._armed and missed and self._real_s() - self._heard_s >= self._patience_s:
             self._trip(("heartbeat_lost",))
+
+    def _hear(self) -> None:
+        """A beat, as the plant's clock and the real one have it."""
+        self._beat_s, self._heard_s = self._plant.clock.now(), self._real_s()
 
     def trip(self, fault: str) -> None:
         """The controller finds a fault, and trips."""
@@ -204,7 +217,7 @@ class MockController:
         self._acknowledged = self._plant.faults
         self._armed = True
         self._period_s = period_ms / 1000
-        self._beat_s = self._plant.clock.now()
+        self._hear()
         return payload
 
     def _disarm(self, payload: bytes) -> bytes:
@@ -242,7 +255,7 @@ class MockController:
 
     def _heartbeat(self, payload: bytes) -> bytes:
         _empty(payload)
-        self._beat_s = self._plant.clock.now()
+        self._hear()
         state = self._plant.state()
         flags = PWM_ON * self._pwm | ARMED * self._armed | TABLE_IN_USE * self._follow
         return TELEMETRY.pack(

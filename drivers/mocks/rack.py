@@ -22,7 +22,9 @@ from drivers.mocks.modbus_wire import RtuServer, TcpServer
 from drivers.mocks.scpi_analyzer import AnalyzerPlant, ScpiAnalyzer
 from drivers.mocks.wire import PtyServer
 
-PATIENCE_S = 10.0  # a mock answers once its plant is solved, on a computer that may be busy with other things
+PATIENCE_S = (
+    10.0  # of real time: plant and client are processes on a computer that may be busy with other things
+)
 
 LIMITS = {
     "voltage_V": 320.0,
@@ -78,7 +80,8 @@ class Rack:
     Parameters
     ----------
     plant : the one physical state that they share, with its clock.
-    speed : how many of the plant's seconds pass in a real one; a campaign scales its waits by it.
+    speed : how many of the plant's seconds pass in a real one; a campaign scales its waits by it. Above 1 the
+        controller waits for a late beat for some real seconds, as a client waits for a late answer.
     heartbeat_s : beat that the controller is told to expect.
     faults : what goes wrong; ``injectors`` tell what has, by instrument.
     """
@@ -96,7 +99,7 @@ class Rack:
         self.analyzer = ScpiAnalyzer(plant)
         self.supply = MockSupply(plant)
         self.load = MockLoad(plant)
-        self.controller = MockController(plant)
+        self.controller = MockController(plant, patience_s=PATIENCE_S if speed > 1 else 0.0)
         self._names = Path(tempfile.mkdtemp(prefix="d2ea-ports-"))
         panels = {
             "analyzer": (SCPI, self.analyzer),

@@ -2,11 +2,13 @@
 
 import struct
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.clock import StepClock
 from drivers.controller_messages import (
     ARM,
     NACK,
@@ -27,9 +29,9 @@ from tests.drivers.fake_plant import FakePlant
 class Host:
     """Numbers requests and takes replies apart."""
 
-    def __init__(self) -> None:
+    def __init__(self, **patience: Any) -> None:
         self.plant = FakePlant()
-        self.mock = MockController(self.plant)
+        self.mock = MockController(self.plant, **patience)
         self.sequence = 0
         self.ask(Request.IDENTIFY)
 
@@ -184,6 +186,37 @@ def test_a_killed_host_trips_the_pwm_by_the_tick_alone(host: Host) -> None:
     assert not host.plant.present.pwm
     assert host.refused(Request.ENABLE) is Reason.FAULT_STANDS
     assert host.faults() == ("heartbeat_lost",)
+
+
+@pytest.mark.parametrize(("stalled_s", "pwm"), [(9.9, True), (10.0, False)])
+def test_on_a_fast_clock_a_late_beat_is_waited_for_in_real_time(stalled_s: float, pwm: bool) -> None:
+    real = StepClock()
+    host = Host(patience_s=10.0, real_s=real.now)
+    host.run()
+    real.sleep(stalled_s)
+    host.plant.clock.sleep(100 * stalled_s)
+    host.mock.tick()
+    assert host.plant.present.pwm is pwm
+
+
+def test_real_time_alone_trips_nothing() -> None:
+    real = StepClock()
+    host = Host(patience_s=10.0, real_s=real.now)
+    host.run()
+    real.sleep(60.0)
+    host.mock.tick()
+    assert host.plant.present.pwm
+
+
+def test_each_beat_is_waited_for_anew() -> None:
+    real = StepClock()
+    host = Host(patience_s=10.0, real_s=real.now)
+    host.run()
+    for _ in range(3):
+        real.sleep(6.0)
+        host.plant.clock.sleep(600.0)
+        assert host.faults() == ()
+    assert host.plant.present.pwm
 
 
 def test_only_beats_count_as_beats(host: Host) -> None:

@@ -92,3 +92,18 @@ def test_it_can_be_started_again_on_new_ports() -> None:
     for _ in range(2):
         with rack, ByteLink.open(rack.bench_config()["load"]["resource"]):
             pass
+
+
+@pytest.mark.parametrize(("speed", "pwm"), [(1.0, False), (100.0, True)])
+def test_only_a_fast_rack_waits_for_a_late_beat_in_real_time(speed: float, pwm: bool) -> None:
+    plant = FakePlant()
+    with Rack(plant, speed=speed, heartbeat_s=20.0) as rack:
+        table = rack.bench_config()["controller"]
+        with ByteLink.open(table["resource"], baud=table["baud"]) as link:
+            controller = Controller(link, heartbeat_s=20.0)
+            controller.identify()
+            controller.arm()
+            controller.set_modulation(0.7, 0.3)
+            controller.enable()
+            plant.clock.sleep(100.0)  # five beats, in no real time
+            assert controller.heartbeat().pwm_on is pwm
