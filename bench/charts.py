@@ -14,7 +14,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from bench.bands import Band, power_bands, residual_channels, shown_range
-from bench.wording import MODEL_NAMES, difference_unit
+from bench.wording import MODEL_NAMES, channel_name, difference_unit, words
 
 OKABE_ITO = {
     "blue": "#0072B2",
@@ -170,7 +170,7 @@ def channel_residuals(measurements: pd.DataFrame) -> go.Figure | None:
     figure = make_subplots(
         rows=rows,
         cols=columns,
-        subplot_titles=list(channels),
+        subplot_titles=[channel_name(channel) for channel in channels],
         horizontal_spacing=0.1,
         vertical_spacing=0.3 / rows,
     )
@@ -210,13 +210,13 @@ def loss_breakdown(losses: pd.DataFrame) -> go.Figure:
         used[colour] = used.get(colour, 0) + 1
         figure.add_trace(
             go.Bar(
-                x=losses["P_set_W"], y=losses[f"loss_{part}_W"], name=part.replace("_", " "),
+                x=losses["P_set_W"], y=losses[f"loss_{part}_W"], name=words(part),
                 marker={
                     "color": OKABE_ITO[colour], "line": {"width": 0.5, "color": "#555555"},
                     "pattern": {"shape": pattern, "fgcolor": "#ffffff", "size": 6, "solidity": 0.3,
                                 "fillmode": "overlay"},
                 },
-                hovertemplate="%{x:.0f} W: %{y:.2f} W<extra>" + part.replace("_", " ") + "</extra>",
+                hovertemplate="%{x:.0f} W: %{y:.2f} W<extra>" + words(part) + "</extra>",
             )
         )  # fmt: skip
     figure.update_xaxes(title_text="output power (W)")

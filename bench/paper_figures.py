@@ -18,7 +18,7 @@ from bench.bands import loaded_rows, power_bands, residual_channels, shown_range
 from bench.charts import OKABE_ITO, STAGES, gain_rows, loss_parts, two_lines
 from bench.figures import DIVERGING
 from bench.report import ReportData
-from bench.wording import MODEL_NAMES, difference_unit
+from bench.wording import MODEL_NAMES, channel_name, difference_unit, words
 
 MM = 1 / 25.4  # inches
 ONE_COLUMN, TWO_COLUMNS = 88 * MM, 181 * MM
@@ -142,7 +142,7 @@ def channel_residuals(data: ReportData) -> Figure | None:
         unit = difference_unit(channel)
         value = (100.0 if channel == "efficiency" else 1.0) * residual
         drawn = one.scatter(rows["P2_W"], value, c=rows["D1"], cmap="viridis", vmin=0, vmax=1, s=6)
-        one.set_title(channel, fontsize=8)
+        one.set_title(channel_name(channel), fontsize=8)
         one.set_ylabel(f"meas. − sim. ({unit})", fontsize=7)
         one.axhline(0.0, color="#8b949e", lw=0.6)
     for one in flat[len(channels) :]:
@@ -173,7 +173,7 @@ def loss_breakdown(data: ReportData) -> Figure | None:
             "edgecolor": "white",
             "linewidth": 0.3,
         }
-        axes.bar(power, value, width, bottom=bottom, label=part.replace("_", " "), **shown)
+        axes.bar(power, value, width, bottom=bottom, label=words(part), **shown)
         used[colour] += 1
         bottom = bottom + value
     axes.set_xlabel("output power (W)", fontsize=8)

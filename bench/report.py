@@ -30,11 +30,13 @@ from bench.wording import (
     points_text,
     probability_text,
     probable_causes,
+    size_text,
     suspected,
     unbroken,
     unexplained_text,
     verdict_class,
     verdict_text,
+    words,
 )
 from sim.effects.catalogue import effect
 
@@ -325,9 +327,7 @@ def error_rows(summary: Mapping[str, Any]) -> list[tuple[str, float | None, str]
         *(name for name in MODEL_NAMES if name in error),
         *(name for name in error if name not in MODEL_NAMES),
     ]
-    return [
-        (MODEL_NAMES.get(name, effect_name(name)), error[name], _against(base, error[name])) for name in names
-    ]
+    return [(MODEL_NAMES.get(name, words(name)), error[name], _against(base, error[name])) for name in names]
 
 
 def step_rows(summary: Mapping[str, Any]) -> list[tuple[str, float, float]]:
@@ -337,8 +337,7 @@ def step_rows(summary: Mapping[str, Any]) -> list[tuple[str, float, float]]:
         return []
     total = float(seconds.pop("total", sum(seconds.values())))
     rows = [
-        (effect_name(name), float(value), float(value) / total if total else 0.0)
-        for name, value in seconds.items()
+        (words(name), float(value), float(value) / total if total else 0.0) for name, value in seconds.items()
     ]
     return [*rows, ("total", total, 1.0)]
 
@@ -347,12 +346,21 @@ def revealed(summary: Mapping[str, Any]) -> str:
     """What was hidden in a virtual lab and whether it was found; empty when there is nothing to reveal."""
     if "hidden" not in summary:
         return ""
-    hidden = [effect_name(name) for name in summary["hidden"]]
+    hidden = [hidden_text(name, summary["hidden_values"][name]) for name in summary["hidden"]]
     if not hidden:
         return "Nothing was hidden in this virtual lab."
     found = "found" if summary.get("found") else "not found"
     told = "Hidden in this virtual lab, and revealed only after the verdict was stored"
     return f"{told}: {join(hidden)} – {found}."
+
+
+def hidden_text(name: str, value: float) -> str:
+    """An effect that a virtual lab has, with its size.
+
+    >>> hidden_text("fan_step", 4.2123)
+    'fan power step 4.21 W'
+    """
+    return minus(f"{effect_name(name)} {size_text(effect(name).headline.name, value)}")
 
 
 def _against(base: float | None, error: float | None) -> str:

@@ -22,6 +22,31 @@ _CHANNELS = {
     "T_inductor_C": "inductor winding",
 }
 
+_EFFECTS = {
+    "link_resistance": "ac-link resistance",
+    "gate_delay_skew": "gate-delay skew",
+    "igbt_saturation_voltage": "IGBT saturation voltage",
+    "sic_on_resistance": "SiC on-resistance",
+    "clamp_diode_drop": "clamp-diode forward voltage",
+    "turn_off_energy_primary": "primary turn-off energy",
+    "turn_off_energy_secondary": "secondary turn-off energy",
+    "output_capacitance": "switch output capacitance",
+    "core_loss_transformer": "transformer core loss",
+    "core_loss_inductor": "inductor core loss",
+    "cable_resistance_input": "input cable resistance",
+    "cable_resistance_output": "output cable resistance",
+    "thermal_resistance": "heatsink thermal resistance",
+    "fan_step": "fan power step",
+    "warm_up_drift": "warm-up drift",
+    "ambient_drift": "ambient temperature drift",
+    "analyzer_gain": "analyzer gain error",
+    "analyzer_offset": "analyzer current offset",
+    "analyzer_range_step": "analyzer range-change error",
+    "duty_offset": "duty-ratio offset",
+    "dc_link_esr": "dc-link capacitor ESR",
+    "output_capacitor_esr": "output capacitor ESR",
+}  # what engineers call them, where it is not the name in words
+
 MODEL_NAMES = {
     "simulation_only": "Simulation only",
     "experiment_only": "Experiment only",
@@ -48,13 +73,20 @@ VERDICTS = {
 
 
 def effect_name(name: str) -> str:
-    """An effect's name as words.
+    """What engineers call an effect; the words of its name where they have no other term.
 
-    >>> effect_name("turn_off_energy_primary"), effect_name("sic_on_resistance")
-    ('turn-off energy primary', 'SiC on-resistance')
+    >>> effect_name("turn_off_energy_primary"), effect_name("dead_time")
+    ('primary turn-off energy', 'dead time')
     """
-    for part, said in (("turn_off", "turn-off"), ("sic_on_", "SiC_on-"), ("igbt_", "IGBT_")):
-        name = name.replace(part, said)
+    return _EFFECTS.get(name, words(name))
+
+
+def words(name: str) -> str:
+    """A name as words: a loss part, a step.
+
+    >>> words("secondary_conduction")
+    'secondary conduction'
+    """
     return name.replace("_", " ")
 
 
@@ -73,7 +105,7 @@ def action_text(action: str) -> str:
     >>> action_text("no_load"), action_text("measure T_transformer_C too")
     ('no load', 'measure T_transformer_C too')
     """
-    return action if " " in action else effect_name(action)
+    return action if " " in action else words(action)
 
 
 def points_text(fraction: float | None, digits: int = 3) -> str:
@@ -276,7 +308,7 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     """The verdict as one headline.
 
     >>> verdict_text({"verdict": "group", "groups": [["fan_step", "auxiliary_power"]]})
-    'fan step or auxiliary power: these data cannot tell which'
+    'fan power step or auxiliary power: these data cannot tell which'
     >>> beside = {"verdict": "named", "unknown": {"probability": 0.8}}
     >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 1.0}]})
     'Cause named beside something unknown (80.0 %): dead time'

@@ -86,13 +86,17 @@ def _write_report(out_dir: Path, result: Any, summary: dict[str, Any], *, figure
 
 
 def _tell(summary: dict[str, Any], out_dir: Path) -> None:
+    from bench.report import hidden_text
+
     stamp(virtual=True)
     table = Table("model", "mean abs error / points", box=None)
     for name, value in summary["error"].items():
         table.add_row(MODEL_NAMES.get(name, name), f"{100 * value:.4f}")
     out.print(table)
     out.print(escape(f"verdict: {verdict_text(summary['diagnosis'])}"))
-    told = ", ".join(f"{name} = {value:.4g}" for name, value in summary["hidden_values"].items()) or "nothing"
+    told = (
+        ", ".join(hidden_text(name, value) for name, value in summary["hidden_values"].items()) or "nothing"
+    )
     out.print(escape(f"hidden: {told} – {'found' if summary['found'] else 'NOT found'}"))
     for search in summary["swarm"]:
         regret = f"largest regret {100 * search['regret']:.4f} points over {len(summary['optimum'])} loads"

@@ -14,7 +14,7 @@ from bench.model_file import model_from
 from bench.oscillogram_figure import PICTURES, oscillogram_figure, oscillogram_table
 from bench.paper_figures import DPI
 from bench.table_file import ENDINGS, write_table
-from bench.wording import join
+from bench.wording import join, words
 from sim.modulation import EDGES
 from sim.operating_points import Points
 from sim.oscillogram import oscillogram_of
@@ -79,13 +79,13 @@ def waveform_(
 def _lines(point: dict[str, float]) -> list[str]:
     """What a person asks first of an operating point."""
     losses = {
-        name.removeprefix("loss_").removesuffix("_W").replace("_", " "): loss
+        words(name.removeprefix("loss_").removesuffix("_W")): loss
         for name, loss in point.items()
         if name.startswith("loss_") and abs(loss) >= _SHOWN_W
     }
     largest = sorted(losses.items(), key=lambda part: -part[1])
-    soft = [edge.replace("_", " ") for edge in EDGES if point[f"zvs_{edge}"]]
-    hard = [edge.replace("_", " ") for edge in EDGES if not point[f"zvs_{edge}"]]
+    soft = [words(edge) for edge in EDGES if point[f"zvs_{edge}"]]
+    hard = [words(edge) for edge in EDGES if not point[f"zvs_{edge}"]]
     return [
         f"D0 {point['D0']:.4f}, input {point['P1_W']:.2f} W, efficiency {100 * point['efficiency']:.3f} %",
         f"link current {point['I_L_rms_A']:.3f} A rms, {point['I_L_pp_A']:.3f} A peak to peak",

@@ -62,7 +62,7 @@ def written(page: DiagnosisPage, folder: Path) -> str:
 def test_it_reads_from_the_verdict_to_the_noise(page: DiagnosisPage, tmp_path: Path) -> None:
     text = written(page, tmp_path)
     order = [
-        "Cause named beside something unknown (80.0 %): link resistance",
+        "Cause named beside something unknown (80.0 %): ac-link resistance",
         *("What to do", "measurement and simulation differ", "How probable", "What no cause explains"),
         *("What the diagnosis gains", "can and cannot see", ">Noise<"),
     ]
@@ -149,7 +149,7 @@ def test_a_suspect_is_said_at_once_and_is_no_agreement(page: DiagnosisPage, tmp_
     text = written(
         replace(page, diagnosis=ANSWER | open_ | {"causes": [CAUSE | {"probability": 0.7}]}), tmp_path
     )
-    assert "Not sure: link resistance (70.0 %) is suspected, or nothing is wrong (30.0 %)" in text
+    assert "Not sure: ac-link resistance (70.0 %) is suspected, or nothing is wrong (30.0 %)" in text
     assert '<section class="verdict suspected"' in text
     assert "Change nothing yet" in text
     sound = written(replace(page, diagnosis=ANSWER | open_ | {"causes": []}), tmp_path)
@@ -178,15 +178,15 @@ def test_a_difference_of_temperatures_is_in_kelvin(page: DiagnosisPage) -> None:
 
 def test_tables_say_what_stands_behind_them() -> None:
     assert noise_rows(ANSWER) == [("efficiency", "0.02 % of reading", "assumed: no replicates", "–")]
-    assert unseen(ANSWER).larger == (("fan step", "12 W"),)
+    assert unseen(ANSWER).larger == (("fan power step", "12 W"),)
     sight = [
         {"effect": "link_resistance", "smallest": 0.0899, "unit": "Ohm", "visible": False, "tied_with": []},
         {"effect": "core_loss_inductor", "smallest": 1.2, "unit": "1", "visible": False, "tied_with": []},
         {"effect": "gate_delay_skew", "smallest": 0.36, "unit": "s", "visible": False, "tied_with": []},
     ]
     blind = unseen({"sight": sight})
-    assert blind.larger == (("link resistance", "89.9 mΩ"), ("core loss inductor", "120 %"))
-    assert blind.never == ("gate delay skew",)
+    assert blind.larger == (("ac-link resistance", "89.9 mΩ"), ("inductor core loss", "120 %"))
+    assert blind.never == ("gate-delay skew",)
     warm = {"T_heatsink_C": ANSWER["noise"]["efficiency"] | {"sigma": 0.4, "relative": False}}
     assert noise_rows({"noise": warm})[0][1] == "0.4 K"
     assert [what for what, _, _ in tiles(ANSWER)] == [

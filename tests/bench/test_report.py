@@ -52,6 +52,7 @@ SUMMARY = {
         {"P_W": 1500.0, "D1": 0.9, "D2": 0.1, "predicted": 0.973, "measured": None},
     ],
     "hidden": ["link_resistance"],
+    "hidden_values": {"link_resistance": 0.08},
     "found": True,
 }
 MINIMAL = {"schema": 1, "verdict": "consistent", "causes": [], "gain": None}
@@ -124,7 +125,8 @@ def test_an_unconfirmed_power_off_comes_first(data, tmp_path):
 def test_the_verdict_stands_above_its_evidence(data, tmp_path):
     text = body(data, tmp_path)
     order = [
-        "Cause named: link resistance; and auxiliary power or analyzer offset: these data cannot tell which<",
+        "Cause named: ac-link resistance; and auxiliary power or analyzer current offset: "
+        "these data cannot tell which<",
         "What to do",
         "resistance 71\xa0mΩ (95\xa0%: 66 to 77)",
         "What the diagnosis gains",
@@ -151,12 +153,12 @@ def test_numbers_are_those_of_the_data(data, tmp_path):
 
 def test_actions_follow_the_verdict(data):
     assert actions(data) == [
-        "Check link resistance: measure the ac link with four wires.",
+        "Check ac-link resistance: measure the ac link with four wires.",
         "Measure next: standby (about 1.5 min), to settle auxiliary power.",
         "Simulate with the extended model from now on: out/model.toml.",
     ]
     tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": []}))
-    assert tied == ["Check link resistance: measure the ac link with four wires."]
+    assert tied == ["Check ac-link resistance: measure the ac link with four wires."]
     assert "Nothing needs changing" in actions(replace(data, diagnosis=MINIMAL))[0]
     step = {"action": "measure D1 = 0.7, D2 = 0.2, 500 W", "separates": ["dead_time"], "minutes": 4.0}
     asked = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": [step]}))
@@ -231,9 +233,9 @@ def test_an_optimum_that_was_not_measured_is_shown_as_such(data, tmp_path):
 
 
 def test_what_was_hidden_is_revealed_with_the_outcome(data, tmp_path):
-    assert "link resistance – found." in body(data, tmp_path)
+    assert "ac-link resistance 80 mΩ – found." in body(data, tmp_path)
     missed = replace(data, summary=SUMMARY | {"found": False})
-    assert "link resistance – not found." in body(missed, tmp_path)
+    assert "ac-link resistance 80 mΩ – not found." in body(missed, tmp_path)
 
 
 def test_every_axis_is_labelled_with_its_unit(data, tmp_path):
