@@ -4,8 +4,8 @@ A candidate of each kind (D²EA; the simulator itself with trees for the gap; ca
 the rows makes of the simulator) is fitted to the accepted rows outside
 the held-out blocks (:mod:`models.held_blocks`). Those inside judge: the best candidate against the model in use and
 the simulation itself, on rows that the model in use was not fitted to either. It is promoted when its mean absolute
-error is not larger than theirs; what was judged is what is used, no refit follows. Either way the decision and its
-reason go into the journal.
+error is not larger than theirs; what was judged is what is used, no refit follows. A model in use that this version
+cannot read is no rival: nothing can predict with it. Either way the decision and its reason go into the journal.
 
 Nothing here touches a bench: it reads the database beside a campaign, which never waits for it.
 """
@@ -32,7 +32,7 @@ from models.feasibility import Bools
 from models.held_blocks import held_out
 from models.journal import Choice, Decision, Journal
 from models.lut import Lut
-from models.registry import ModelRecord, Origin, Registry, data_hash
+from models.registry import ModelRecord, Origin, Registry, RegistryError, data_hash
 from models.surrogate import (
     CALIBRATED,
     D2EA,
@@ -100,22 +100,22 @@ class Retrainer:
         """
         if not len(data):
             return Retraining(said="waiting: no accepted rows yet")
-        if used := self.journal.in_use():
-            simulator_for(self.registry.show(used), self.simulator)
+        rivals, unread = self._rivals()
         held = held_out(data.rows)
         unseen = self._unseen(data, held)
         sha = data_hash(data.table, self.simulated)
-        if said := self._not_yet(int((~held).sum()), int(unseen.sum()), sha):
+        decided = not unread and any(entry.data_sha256 == sha for entry in self.journal.decisions())
+        if said := self._not_yet(int((~held).sum()), int(unseen.sum()), decided):
             return Retraining(said=said)
         judged = data.rows[unseen]
         candidates, missing = self._candidates(data, np.flatnonzero(~held))
         if not candidates:
             return Retraining(said=f"waiting: {'; '.join(missing)}")
-        candidate, errors, others = self._best(candidates, judged)
+        candidate, errors, others = self._best(candidates, rivals, judged)
         record = self._keep(
             candidate, data, held, sha=sha, metrics=_metrics(candidate, judged, errors[CANDIDATE])
         )
-        decision = self._decide(record, errors, len(judged), aside=(*others, *missing))
+        decision = self._decide(record, errors, len(judged), aside=(*others, *missing, *unread))
         if decision.decision is not Choice.PROMOTED:
             return Retraining(said=said_of(decision), decision=self.journal.note(decision))
         self.say(f"the best modulation of the {candidate.kind} model over load")
@@ -125,12 +125,12 @@ class Retrainer:
         noted = self.journal.note(decision)  # last: a model in use always has its table
         return Retraining(said=said_of(noted), decision=noted, lut=lut, files=files)
 
-    def _not_yet(self, fitted: int, unseen: int, sha: str) -> str:
+    def _not_yet(self, fitted: int, unseen: int, decided: bool) -> str:
         """Why nothing can be decided now; empty when it can."""
         if fitted < LEAST_FITTED or unseen < LEAST_JUDGED:
             needed = f"{LEAST_FITTED} and {LEAST_JUDGED} are needed"
             return f"waiting: {fitted} rows to fit and {unseen} that no model saw; {needed}"
-        if any(entry.data_sha256 == sha for entry in self.journal.decisions()):
+        if decided:
             return f"nothing new since the last decision: {fitted} rows to fit, {unseen} to judge on"
         return ""
 
@@ -166,24 +166,36 @@ class Retrainer:
         return candidates, missing
 
     def _best(
-        self, candidates: Mapping[str, StagedModel], judged: pd.DataFrame
+        self,
+        candidates: Mapping[str, StagedModel],
+        rivals: Mapping[str, EfficiencyModel],
+        judged: pd.DataFrame,
     ) -> tuple[StagedModel, dict[str, float], list[str]]:
         """The candidate of the smallest error, the errors of it and its rivals, and in words those of the others."""
-        errors = errors_on(judged, {**candidates, **self._rivals()})
+        errors = errors_on(judged, {**candidates, **rivals})
         best, *others = sorted(candidates, key=lambda kind: errors[kind])
-        rivals = {name: error for name, error in errors.items() if name not in candidates}
         told = [f"{kind} {points_text(errors[kind])}" for kind in others]
-        return candidates[best], {CANDIDATE: errors[best], **rivals}, told
+        return candidates[best], {CANDIDATE: errors[best]} | {name: errors[name] for name in rivals}, told
 
-    def _rivals(self) -> dict[str, EfficiencyModel]:
-        """The simulation itself, and the model in use where there is one."""
+    def _rivals(self) -> tuple[dict[str, EfficiencyModel], tuple[str, ...]]:
+        """The simulation itself, and the model in use where there is one; or in words that it cannot be read.
+
+        Raises BenchError where it is of another converter.
+        """
         efficiency = efficiency_of(self.simulator)
         rivals: dict[str, EfficiencyModel] = {SIMULATION: SimulatorStage(efficiency)}
         used = self.journal.in_use()
         if used is None:
-            return rivals
-        own = self.registry.show(used).made_beside()
-        return rivals | {used: self.registry.load(used, efficiency_of(own) if own else efficiency)}
+            return rivals, ()
+        record = self.registry.show(used)
+        simulator_for(record, self.simulator)
+        own = record.made_beside()
+        try:
+            rivals[used] = self.registry.load(used, efficiency_of(own) if own else efficiency)
+        except RegistryError as error:
+            self.say(f"model {used} is in use and cannot be compared: {error}")
+            return rivals, (f"model {used}, in use until now, is not compared: this version cannot read it",)
+        return rivals, ()
 
     def _decide(
         self, record: ModelRecord, errors: Mapping[str, float], judged: int, *, aside: Sequence[str] = ()

@@ -131,6 +131,40 @@ def test_the_same_data_are_not_learnt_twice(first: tuple[Retrainer, Retraining])
     assert "nothing new" in again.said
 
 
+def test_a_model_in_use_that_cannot_be_read_is_no_rival(tmp_path: Path) -> None:
+    before = retrainer(tmp_path, "simulator_first_stage").retrain(file_data(measured(150)))
+    assert before.decision is not None
+    old = before.decision.model
+    (tmp_path / old / "stage_2.ubj").write_bytes(b"of another version")
+    heard: list[str] = []
+    made = replace(retrainer(tmp_path, "d2ea"), say=heard.append)
+    again = made.retrain(
+        file_data(measured(150))
+    )  # the same rows: what was decided is worth nothing any more
+    assert again.promoted
+    assert again.decision is not None
+    assert (again.decision.replaced, set(again.decision.errors)) == (
+        old,
+        {again.decision.model, "simulation"},
+    )
+    assert again.decision.reason.endswith(
+        f"model {old}, in use until now, is not compared: this version cannot read it"
+    )
+    assert any("stage_2.ubj: the trees of this model cannot be read" in said for said in heard)
+    assert "nothing new" in made.retrain(file_data(measured(150))).said
+
+
+def test_beside_what_cannot_be_read_a_candidate_still_has_to_beat_the_simulation(tmp_path: Path) -> None:
+    before = retrainer(tmp_path, "simulator_first_stage").retrain(file_data(measured(150)))
+    assert before.decision is not None
+    (tmp_path / before.decision.model / "stage_2.ubj").write_bytes(b"of another version")
+    odd = measured(150)
+    odd.loc[~held_out(odd), "efficiency"] -= 0.05  # what is learnt is wrong by five points where it is judged
+    made = retrainer(tmp_path, "d2ea")
+    assert not made.retrain(file_data(odd, "odd.csv")).promoted
+    assert made.journal.in_use() == before.decision.model
+
+
 def test_a_worse_candidate_is_kept_out_with_the_reason(first: tuple[Retrainer, Retraining]) -> None:
     made, before = first
     broken = measured(150)
