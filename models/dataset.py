@@ -16,7 +16,7 @@ import pandas as pd
 import pyarrow
 
 from models.csv_table import CsvError, CsvTable, read_csv
-from models.other_names import OtherName, OtherNameError, as_option, converting, meant, renamed
+from models.other_names import OtherName, OtherNameError, as_option, converting, meant, renamed, units_below
 from models.screening import (
     KNOWN_COLUMNS,
     LOADED_KINDS,
@@ -171,7 +171,9 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
     )
     required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there)}"
     if foreign and len(there) > 1:
-        example = " ".join(as_option(*pair) for pair in near.items()) or "--column OURS=THEIRS*FACTOR"
+        units = units_below(raw)
+        options = (as_option(ours, theirs, units.get(theirs)) for ours, theirs in near.items())
+        example = " ".join(options) or "--column OURS=THEIRS*FACTOR"
         file = "" if name == _NO_FILE else f'"{name}" '
         required += f"; other names and units are taken by d2ea import {file}{example}"
     raise DatasetError("; ".join([f"{name}: {said}", required, *read.notes]))

@@ -14,6 +14,7 @@ _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2,
             "min": 60.0, "h": 3600.0}  # fmt: skip
 _IN_HALF_PERIODS = {"deg": 1 / 180, "°": 1 / 180, "degrees": 1 / 180, "Grad": 1 / 180, "rad": 1 / math.pi}
 _DUTIES = ("D0", "D1", "D2")
+_UNITS = {*_IN_OURS, *_IN_HALF_PERIODS, "W", "V", "A", "s", "Hz", "kHz", "°C", "degC", "1", "-"}
 _OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
 _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a stroke or an underscore
     r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|"
@@ -25,13 +26,30 @@ _ALSO_CALLED = {
     "D2": ("inner_phase_shift", "innere_phase"),
     "P1_W": ("pin", "p_in", "input_power", "power_in", "eingangsleistung"),
     "P2_W": ("pout", "p_out", "output_power", "power_out", "ausgangsleistung"),
-    "efficiency": ("eta", "η", "eff", "wirkungsgrad"),
+    "efficiency": (
+        "eta",
+        "η",
+        "eff",
+        "wirkungsgrad",
+        "eta1",
+        "eta_1",
+        "η1",
+        "eff1",
+    ),  # analyzers number theirs
     "time_s": ("timestamp", "zeit", "zeitstempel"),
     "V1_V": ("u1", "vin", "v_in", "uin", "u_in", "input_voltage", "eingangsspannung"),
     "V2_V": ("u2", "vout", "v_out", "uout", "u_out", "output_voltage", "ausgangsspannung"),
     "I1_A": ("iin", "i_in", "input_current", "eingangsstrom"),
     "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom"),
-    "T_heatsink_C": ("heatsink", "heatsink_temperature", "kühlkörper", "kühlkörpertemperatur"),
+    "T_heatsink_C": (
+        "heatsink",
+        "heatsink_temperature",
+        "t_hs",
+        "temp_hs",
+        "temphs",
+        "kühlkörper",
+        "kühlkörpertemperatur",
+    ),
     "T_ambient_C": ("ambient", "ambient_temperature", "umgebung", "umgebungstemperatur"),
 }  # what other people's tables call it, without the unit and in lower case
 
@@ -167,16 +185,33 @@ def _alike(ours: str, names: Sequence[str]) -> str | None:
     return next(iter(difflib.get_close_matches(ours.lower(), names, n=1, cutoff=0.5)), None)
 
 
-def as_option(ours: str, theirs: str) -> str:
-    """What to give d2ea import for a column; with the factor where the header's unit is another one.
+def units_below(raw: pd.DataFrame) -> dict[str, str]:
+    """Units by column, where a table's first row holds them instead of numbers; else empty.
+
+    >>> units_below(pd.DataFrame({"No": ["", "1"], "P1": ["kW", "0.6"], "ETA1": ["%", "98.1"]}))
+    {'P1': 'kW', 'ETA1': '%'}
+    >>> units_below(pd.DataFrame({"range": ["h"], "P1": ["0.6"]}))
+    {}
+    """
+    first = raw.iloc[0].dropna().astype(str).str.strip() if len(raw) else pd.Series(dtype=str)
+    words = first[first.ne("")]
+    if pd.to_numeric(words.str.replace(",", "."), errors="coerce").notna().any():
+        return {}
+    return {str(column): unit for column, unit in words.items() if unit in _UNITS}
+
+
+def as_option(ours: str, theirs: str, below: str | None = None) -> str:
+    """What to give d2ea import for a column; with the factor where its unit, in the header or ``below`` it, is another.
 
     >>> as_option("P2_W", "P2 (kW)"), as_option("P2_W", "Pout/W")
     ('--column "P2_W=P2 (kW)*1000"', '--column "P2_W=Pout/W"')
+    >>> as_option("efficiency", "ETA1", "%")
+    '--column "efficiency=ETA1*0.01"'
     >>> as_option("D2", "phase [deg]")
     '--column "D2=phase [deg]*0.00555556"'
     """
     known = _IN_OURS | (_IN_HALF_PERIODS if ours in _DUTIES else {})
-    factor = known.get(unit_in(theirs) or "")
+    factor = known.get(unit_in(theirs) or below or "")
     times = f"*{factor or 1:g}" if factor or "*" in theirs else ""
     return f'--column "{ours}={theirs}{times}"'
 

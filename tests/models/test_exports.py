@@ -1,5 +1,6 @@
 """Tables as instruments and simulation programs of several makers export them."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,18 @@ def test_the_options_for_a_header_are_found(header: str, options: list[str], tmp
     with pytest.raises(DatasetError) as caught:
         load_measurements(written(tmp_path, f"{header}\n612,600,0.8,0.2\n"))
     assert all(option in str(caught.value) for option in options)
+
+
+def test_units_in_a_line_of_their_own_are_in_the_options_that_are_found(tmp_path: Path) -> None:
+    lines = "t;D1;Phase D2;P1;P2;ETA1\nmin;;deg;kW;kW;%\n0;0,8;36;0,612;0,6;98,04\n1;0,8;18;0,712;0,7;98,31\n"
+    file = written(tmp_path, lines)
+    with pytest.raises(DatasetError) as caught:
+        load_measurements(file)
+    options = re.findall(r'--column "([^"]*)"', str(caught.value))
+    assert {"D2=Phase D2*0.00555556", "P1_W=P1*1000", "P2_W=P2*1000", "efficiency=ETA1*0.01"} <= set(options)
+    measured = load_measurements(file, [OtherName.parse(option) for option in options])
+    assert measured.frame["P2_W"].tolist() == [600.0, 700.0]
+    assert [row.row for row in measured.rejected] == [1]  # the units
 
 
 def test_powers_the_wrong_way_round_are_put_right_as_the_message_says(tmp_path: Path) -> None:
