@@ -13,6 +13,7 @@ from models.screening import LOADED_KINDS
 SAME_DUTY = 1e-3  # half periods: set points that differ by less are the same
 SAME_POWER_W = 1.0
 SIGNIFICANT = 2.0  # standard errors
+_LISTED = 3  # entries of a setting that are shown
 _NO_SETTINGS = ("resource", "database", "left_out")
 
 
@@ -102,4 +103,15 @@ def _settings(first: object, second: object, path: str = "") -> tuple[str, ...]:
         keys = [key for key in dict.fromkeys([*first, *second]) if key not in _NO_SETTINGS]
         found = (_settings(first.get(k), second.get(k), f"{path}.{k}" if path else str(k)) for k in keys)
         return tuple(line for lines in found for line in lines)
-    return () if first == second else (f"{path}: {first} and {second}",)
+    return () if first == second else (f"{path}: {_setting(first)} and {_setting(second)}",)
+
+
+def _setting(value: object) -> str:
+    """A setting as a person reads it: a list by its length."""
+    if value is None:
+        return "not set"
+    return (
+        counted(len(value), "entry", "entries")
+        if isinstance(value, list) and len(value) > _LISTED
+        else str(value)
+    )

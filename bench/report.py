@@ -102,7 +102,7 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     made.filters |= {
-        "points": lambda *said: minus(points_text(*said)), "per_cent": per_cent, "duration": duration,
+        "points": points_text, "per_cent": per_cent, "duration": duration,
         "words": effect_name, "counted": counted, "fixed": fixed,
         "parameter": lambda parameter: unbroken(parameter_text(parameter)),
         "action": action_text, "probability": probability_text, "verdict_class": verdict_class,

@@ -111,10 +111,10 @@ def action_text(action: str) -> str:
 def points_text(fraction: float | None, digits: int = 3) -> str:
     """An efficiency difference as points: 0.0121 is 1.210 points.
 
-    >>> points_text(0.0121)
-    '1.210'
+    >>> points_text(0.0121), points_text(-0.0002)
+    ('1.210', '−0.020')
     """
-    return f"{100 * fraction:.{digits}f}" if _known(fraction) else "–"
+    return minus(f"{100 * fraction:.{digits}f}") if _known(fraction) else "–"
 
 
 def per_cent(fraction: float | None, digits: int = 1) -> str:
@@ -237,13 +237,13 @@ def size_text(name: str, value: float) -> str:
     return f"{value * scale:.3g}{unit}"
 
 
-def counted(count: int, thing: str) -> str:
+def counted(count: int, thing: str, things: str = "") -> str:
     """A number of things.
 
-    >>> counted(1, "row"), counted(3, "row")
-    ('1 row', '3 rows')
+    >>> counted(1, "row"), counted(3, "row"), counted(2, "entry", "entries")
+    ('1 row', '3 rows', '2 entries')
     """
-    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
+    return f"{count} {thing}" if count == 1 else f"{count} {things or thing + 's'}"
 
 
 def join(words: Sequence[str], last: str = "and") -> str:

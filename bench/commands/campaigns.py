@@ -144,15 +144,33 @@ def export(
     out_file: Annotated[
         Path, typer.Option("--out", metavar="FILE.csv|.parquet", help="where the table goes")
     ],
+    rejected: Annotated[
+        bool, typer.Option("--rejected", help="the rejected rows instead, with the reason of each")
+    ] = False,
     db: Database = None,
 ) -> None:
     """Write the accepted rows of a campaign as a measurement table."""
     with Store(database_url(db)) as store:
         campaign = store.campaign(campaign_id)
-        table = store.measurement_table(campaign_id)
+        table = (store.rejected_table if rejected else store.measurement_table)(campaign_id)
+    if not len(table):
+        raise StateError(_nothing_to_export(campaign, rejected))
     write_table(table, out_file)
     stamp(campaign["virtual"])
-    out.print(escape(f"{len(table)} rows of campaign {campaign_id} written to {out_file}"))
+    kind = "rejected row" if rejected else "row"
+    out.print(escape(f"{counted(len(table), kind)} of campaign {campaign_id} written to {out_file}"))
+
+
+def _nothing_to_export(campaign: Row, rejected: bool) -> str:
+    """That there are no such rows, why, and what there is instead."""
+    id, kind = campaign["id"], "rejected" if rejected else "accepted"
+    said = f"campaign {id} has no {kind} rows, so nothing is written: it is {campaign['shown']}, and of its "
+    said += (
+        f"{campaign['planned']} rows {campaign['accepted']} are accepted and {campaign['rejected']} rejected"
+    )
+    if campaign["rejected"] and not rejected:
+        said += f"; d2ea export {id} --rejected --out FILE.csv writes those, with the reason of each"
+    return said
 
 
 @app.command("import")

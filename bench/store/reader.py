@@ -3,14 +3,13 @@
 from typing import Any
 
 import pandas as pd
-from sqlalchemy import Integer, RowMapping, Select, case, func, select
+from sqlalchemy import Column, Integer, RowMapping, Select, case, func, select
 
 from bench.errors import StateError
 from bench.process import Owner
-from bench.states import LIVE, shown_state
+from bench.states import LIVE, PointState, shown_state
 from bench.store.database import Database
 from bench.store.tables import (
-    COLUMNS,
     HARDWARE,
     NUMBERS,
     VIRTUAL,
@@ -68,17 +67,29 @@ class Reader:
 
         The column ``lab`` says where they come from: ``virtual`` or ``hardware``.
         """
-        lab = VIRTUAL if self.campaign(campaign_id)["virtual"] else HARDWARE
-        identity = [points.c[name] for name in ("point", "repeat", "kind")]
         measured = [readings.c[name] for name in (*NUMBERS, "settled", "quality")]
-        query = (
-            select(*identity, *measured)
-            .join(points, readings.c.point_id == points.c.id)
-            .where(readings.c.campaign_id == campaign_id, points.c.state == "accepted")
-            .order_by(points.c.position)
-        )
+        query = select(*_identity(), *measured).join(points, readings.c.point_id == points.c.id)
+        return self._table(campaign_id, query, PointState.ACCEPTED)
+
+    def rejected_table(self, campaign_id: int) -> pd.DataFrame:
+        """The rejected rows likewise, with the set point and what there is of a reading, and a column ``reason``."""
+        measured = [
+            func.coalesce(readings.c[name], points.c[name]).label(name)
+            if name in points.c
+            else readings.c[name]
+            for name in (*NUMBERS, "settled", "quality")
+        ]
+        query = select(*_identity(), *measured, points.c.reason)
+        joined = query.select_from(points).join(readings, readings.c.point_id == points.c.id, isouter=True)
+        return self._table(campaign_id, joined, PointState.REJECTED)
+
+    def _table(self, campaign_id: int, query: Select[Any], state: PointState) -> pd.DataFrame:
+        """The points of a campaign in that state, in the order of the plan, without columns that are empty."""
+        lab = VIRTUAL if self.campaign(campaign_id)["virtual"] else HARDWARE
+        wanted = query.where(points.c.campaign_id == campaign_id, points.c.state == state)
         with self._db.reading() as db:
-            table = pd.DataFrame(db.execute(query).all(), columns=[name for name in COLUMNS if name != "lab"])
+            rows = db.execute(wanted.order_by(points.c.position))
+            table = pd.DataFrame(rows.all(), columns=list(rows.keys()))
         return table.dropna(axis="columns", how="all").assign(lab=lab) if len(table) else table
 
     def provenance(self, campaign_id: int) -> pd.DataFrame:
@@ -146,3 +157,8 @@ def _counted() -> Select[Any]:
     numbers = [func.coalesce(totals.c[state], 0).label(state) for state in ("accepted", "rejected")]
     joined = campaigns.outerjoin(totals, totals.c.campaign_id == campaigns.c.id)
     return select(campaigns, *numbers, heard).select_from(joined)
+
+
+def _identity() -> list[Column[Any]]:
+    """What names a row of a campaign."""
+    return [points.c[name] for name in ("point", "repeat", "kind")]

@@ -219,6 +219,11 @@ def test_a_row_off_its_set_point_is_rejected_with_the_reason(store: Store) -> No
     assert outcome.accepted == 1  # standby has no output voltage to hold
     assert "is not held at 140 V" in store.predictions(1)["reason"].iloc[-1]
     assert len(store.measurement_table(1)) == 1
+    rejected = store.rejected_table(1)
+    assert len(rejected) == outcome.rejected == 10
+    assert rejected["reason"].str.contains("is not held at 140 V").all()
+    assert rejected.loc[rejected["kind"] == "load", ["D1", "D2", "P_set_W"]].notna().all(axis=None)
+    assert not set(rejected["point"]) & set(store.measurement_table(1)["point"])
 
 
 def test_a_point_that_does_not_settle_is_measured_and_says_so(store: Store) -> None:
@@ -250,6 +255,9 @@ def test_a_point_out_of_reach_costs_that_point_only(store: Store) -> None:
     assert (outcome.accepted, outcome.rejected) == (10, 1)
     assert "output_undervoltage" in store.predictions(1)["reason"].iloc[5]
     assert fake.done.count("supply on") == 2
+    (lost,) = store.rejected_table(1).to_dict("records")  # nothing was read of it
+    assert "output_undervoltage" in lost["reason"]
+    assert lost["D1"] > 0
 
 
 def test_points_out_of_reach_one_after_the_other_end_the_campaign(store: Store) -> None:

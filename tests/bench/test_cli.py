@@ -10,14 +10,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.campaign import run_campaign
 from bench.errors import BenchUnsafe, InputError
 from bench.imported import left_out_by_import
+from bench.job import Job
 from bench.process import Owner
 from bench.store import Provenance, Store, database_url
 from bench.toml_file import read_toml, to_toml
 from drivers.errors import LinkTimeout
 from tests.bench.command_line import d2ea
-from tests.bench.fake_bench import BENCH, CAMPAIGN
+from tests.bench.fake_bench import BENCH, CAMPAIGN, FakeInstruments, bench_config, campaign_config, predict
 
 VERBS = (
     "mock", "check", "run", "status", "runs", "pause", "resume", "abort", "export", "import",
@@ -184,6 +186,41 @@ def test_export_of_an_unknown_campaign_or_ending_is_refused(capsys: pytest.Captu
     assert "there is no campaign 7" in capsys.readouterr().err
     d2ea("import", measured_table())
     assert d2ea("export", "1", "--out", "x.xls") == 2
+
+
+def test_a_campaign_without_accepted_rows_is_not_exported_but_says_what_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    fake = FakeInstruments()
+    one = {
+        "kind": "points",
+        "set_points": [{"D1": 0.9, "D2": 0.1, "power_W": 500.0}],
+        "standby": 0,
+        "no_load": 0,
+    }
+    config = campaign_config(measure={"samples": 4, "voltage_tolerance": 1e-9}, plan=one)
+    with Store(database_url(None)) as store:
+        run_campaign(
+            Job.prepare(config, bench_config(), predict=predict), store, fake.clock, around=fake.around()
+        )
+    assert d2ea("export", "1", "--out", "x.csv") == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert (
+        "campaign 1 has no accepted rows, so nothing is written: it is done, and of its 1 rows 0 are" in said
+    )
+    assert "d2ea export 1 --rejected --out FILE.csv writes those, with the reason of each" in said
+    assert not Path("x.csv").exists()
+    assert d2ea("export", "1", "--rejected", "--out", "x.csv") == 0
+    assert "is not held at 140 V" in pd.read_csv("x.csv")["reason"][0]
+
+
+def test_where_nothing_was_rejected_there_is_no_such_export(capsys: pytest.CaptureFixture[str]) -> None:
+    d2ea("import", measured_table())
+    assert d2ea("export", "1", "--rejected", "--out", "x.csv") == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "no rejected rows, so nothing is written" in said
+    assert "60 are accepted and 0 rejected" in said
+    assert "--rejected --out" not in said
 
 
 def test_nothing_is_running_to_pause() -> None:

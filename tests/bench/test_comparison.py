@@ -39,6 +39,12 @@ def test_settings_that_differ_are_named(store: Store) -> None:
     assert found.lines()[-1] == "campaign.seed: 1 and 2"
 
 
+def test_a_long_setting_is_told_by_its_length(store: Store) -> None:
+    efficiency = [0.97, 0.98, 0.96]
+    first, second = campaign(store, efficiency, points=None), campaign(store, efficiency, points=[1, 2, 3, 4])
+    assert compare(store, first, second).lines()[-1] == "campaign.points: not set and 4 entries"
+
+
 def test_nothing_in_common_and_nothing_there_are_said(store: Store) -> None:
     first = campaign(store, [0.97, 0.98, 0.96], slice(0, 1))
     second = campaign(store, [0.97, 0.98, 0.96], slice(1, 2))
