@@ -90,7 +90,7 @@ def run_campaign(
     if store.campaign(campaign_id)["shown"] is not State.PLANNED:
         stored = Job.stored(store, store.campaign(campaign_id), bench=job.bench, predict=job.predict)
         return resume_campaign(campaign_id, store, clock, job=stored, progress=progress, around=around)
-    tracker = Tracker(job.plan, clock, progress)
+    tracker = Tracker(job.plan, progress)
     return _Run(job, store, clock, campaign_id, tracker, around).run(State.PLANNED)
 
 
@@ -112,7 +112,7 @@ def resume_campaign(
         raise StateError(f"campaign {campaign_id} is {row['shown']}: there is nothing to resume")
     job = job or Job.stored(store, row)
     store.benches.refuse(job.bench.name, campaign_id)
-    tracker = Tracker(job.plan, clock, progress)
+    tracker = Tracker(job.plan, progress)
     run = _Run(job, store, clock, campaign_id, tracker, around)
     run.take_over(State(row["state"]))
     return run.run(State.CHECKING)

@@ -1,18 +1,19 @@
 """What a running campaign tells those who watch: where it is, how far off the simulation is, time left."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from bench.plan import Plan, PlannedPoint
-from drivers.clock import Clock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """One moment of a campaign; efficiencies are fractions, times on the bench's clock.
+    """One moment of a campaign; efficiencies are fractions.
 
-    ``total`` and ``left_s`` are the most there may be where the plan grows: ``at_most``.
+    ``left_s`` is real time, for who waits: a virtual bench's clock may run fast. It and ``total`` are the most there
+    may be where the plan grows: ``at_most``.
     """
 
     done: int
@@ -40,9 +41,11 @@ def silent(_: Progress) -> None:
 class Tracker:
     """Counts points and residuals, and reports them."""
 
-    def __init__(self, plan: Plan, clock: Clock, report: Callable[[Progress], None]) -> None:
+    def __init__(
+        self, plan: Plan, report: Callable[[Progress], None], real_s: Callable[[], float] = time.monotonic
+    ) -> None:
         self._total, self._grows = plan.most or len(plan.points), plan.most is not None
-        self._clock, self._report = clock, report
+        self._report, self._real_s = report, real_s
         self._first_s: float | None = None
         self._residuals: list[float] = []
         self.accepted = self.rejected = 0
@@ -59,7 +62,7 @@ class Tracker:
     def begin(self, row: PlannedPoint) -> None:
         """A point is about to be set."""
         if self._first_s is None:
-            self._first_s = self._clock.now()
+            self._first_s = self._real_s()
         self._report(self._now(row=row, left_s=self._left_s()))
 
     def finish(
@@ -88,4 +91,4 @@ class Tracker:
     def _left_s(self) -> float | None:
         if not self.done or self._first_s is None:
             return None
-        return (self._clock.now() - self._first_s) / self.done * (self._total - self.done)
+        return (self._real_s() - self._first_s) / self.done * (self._total - self.done)

@@ -6,8 +6,9 @@ import pytest
 from rich.console import Console
 
 from bench.commands import live as module
-from bench.plan import Kind, PlannedPoint
-from bench.progress import Progress
+from bench.plan import Kind, Plan, PlannedPoint
+from bench.progress import Progress, Tracker
+from drivers.clock import StepClock
 
 ROW = PlannedPoint(point=1, repeat=0, kind=Kind.LOAD, D1=0.8, D2=0.1, power_W=500.0)
 POINT = Progress(
@@ -38,3 +39,14 @@ def test_a_table_and_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> Non
     text = shown(monkeypatch, terminal=True)
     for part in ("difference / points", "97.000 %", "98.000 %", "-1.000", "1/9", "1 min 35 s left"):
         assert part in text
+
+
+def test_the_time_left_is_that_of_who_waits() -> None:
+    real, told = StepClock(), list[Progress]()
+    plan = Plan(points=(ROW,) * 4, tried=4, infeasible={})
+    tracker = Tracker(plan, told.append, real.now)
+    for _ in range(2):
+        tracker.begin(ROW)
+        real.sleep(3.0)  # whatever the bench's clock says
+        tracker.finish(ROW, None, measured=0.97, predicted=0.98)
+    assert [progress.left_s for progress in told] == [None, 9.0, 9.0, 6.0]
