@@ -187,18 +187,17 @@ class Vouched:
 
     def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
         """As that of the calibrated model; NaN too where there is not that much to spare, of power or of time."""
-        efficiency = self.of.predict(D1, D2, power_W)
-        carried = np.flatnonzero(np.isfinite(efficiency))
-        place = np.stack(
-            [np.broadcast_to(x, efficiency.shape).ravel()[carried] for x in (D1, D2, power_W)], axis=1
-        )
-        place[:, 2] *= 1 + self.spare
+        given = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (D1, D2, power_W)))
+        place = np.stack([x.ravel() for x in given], axis=1)
         converter = self.of.model.altered_converter()
         dead = LONGER * converter.dead_time_s / converter.half_period_s
-        runs = infeasible_pulse(place[:, 0], place[:, 1], dead) == ""
-        runs[runs] = can_run(self.of.model, self.of._points(place[runs]))
-        efficiency.ravel()[carried[~runs]] = np.nan
-        return efficiency
+        sure = np.flatnonzero(infeasible_pulse(place[:, 0], place[:, 1], dead) == "")
+        more = place[sure] * (1.0, 1.0, 1 + self.spare)
+        sure = sure[can_run(self.of.model, self.of._points(more))]
+        efficiency = np.full(len(place), np.nan)
+        if sure.size:
+            efficiency[sure] = self.of.predict(*place[sure].T)
+        return efficiency.reshape(given[0].shape)
 
 
 def vouched(model: EfficiencyModel) -> EfficiencyModel:

@@ -23,6 +23,7 @@ _OFFERED = (0, 3, 2, 0)  # of the best tops of either neighbour in load, whose o
 _SAME, _APART = 0.03, 0.08  # in D1 and D2: tops nearer to each other are one top, or on one ridge
 _AROUND = np.linspace(-1.0, 1.0, 5)
 _NARROWER = 0.4
+_DIGITS = 9  # of D1, D2 and W: points that differ by less are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,10 +40,10 @@ def hills_on_lattice(model: EfficiencyModel, loads_W: Floats) -> Hills:
 
     The model's own NaN marks what cannot run.
     """
-    loads = np.asarray(loads_W, dtype=np.float64)
+    loads, seen = np.asarray(loads_W, dtype=np.float64), _Seen(model)
     nodes = np.linspace(0.0, 1.0, _FIRST)
     D1, D2 = (x.ravel() for x in np.meshgrid(nodes, nodes, indexing="ij"))
-    value = _values(model, loads, np.tile(D1, (loads.size, 1)), np.tile(D2, (loads.size, 1)))
+    value = seen.values(loads, np.tile(D1, (loads.size, 1)), np.tile(D2, (loads.size, 1)))
     tops = _tops(value.reshape(loads.size, _FIRST, _FIRST))  # (L, hills)
     best, first, second = np.take_along_axis(value, tops, axis=1), D1[tops], D2[tops]
     near = np.stack(np.meshgrid(_AROUND, _AROUND, indexing="ij")).reshape(2, -1)
@@ -55,7 +56,7 @@ def hills_on_lattice(model: EfficiencyModel, loads_W: Floats) -> Hills:
         x = np.clip(first[:, :, None] + step * near[0], 0.0, 1.0)
         y = np.clip(second[:, :, None] + step * near[1], 0.0, 1.0)
         each = np.repeat(loads, first.shape[1])
-        found = _values(model, each, *(a.reshape(-1, near[0].size) for a in (x, y)))
+        found = seen.values(each, *(a.reshape(-1, near[0].size) for a in (x, y)))
         found = _beside(best, found.reshape(x.shape))
         k = np.argmax(found, axis=2)[:, :, None]
         best, first, second = (
@@ -109,10 +110,26 @@ def _beside(one: Floats, more: Floats) -> Floats:
     return np.concatenate([one[:, :, None], more], axis=2)
 
 
-def _values(model: EfficiencyModel, loads: Floats, D1: Floats, D2: Floats) -> Floats:
-    """Efficiency at candidates (L, K) of each load, -inf where it is not carried."""
-    value = model.predict(D1.ravel(), D2.ravel(), np.repeat(loads, D1.shape[1])).reshape(D1.shape)
-    return np.where(np.isfinite(value), value, -np.inf)
+class _Seen:
+    """A model that is asked once for each point: hills next to each other share most of what lies around them."""
+
+    def __init__(self, model: EfficiencyModel) -> None:
+        self._model = model
+        self._place, self._value = np.empty((0, 3)), np.empty(0)
+
+    def values(self, loads: Floats, D1: Floats, D2: Floats) -> Floats:
+        """Efficiency at candidates (L, K) of each load, -inf where it is not carried."""
+        asked = np.stack([D1.ravel(), D2.ravel(), np.repeat(loads, D1.shape[1])], axis=1)
+        place, known = np.concatenate([self._place, asked]), self._value.size
+        _, first, which = np.unique(np.round(place, _DIGITS), axis=0, return_index=True, return_inverse=True)
+        new = np.sort(first[first >= known])
+        value = np.concatenate([self._value, np.full(len(asked), np.nan)])
+        if new.size:
+            value[new] = self._model.predict(*place[new].T)
+        kept = np.append(np.arange(known), new)
+        self._place, self._value = place[kept], value[kept]
+        found = value[first[which.ravel()[known:]]].reshape(D1.shape)
+        return np.where(np.isfinite(found), found, -np.inf)
 
 
 def _tops(value: Floats) -> NDArray[np.intp]:

@@ -93,3 +93,15 @@ def test_tops_are_kept_that_lie_apart_from_the_highest() -> None:
 
     tops = hills_on_lattice(Ridge(), LOADS)
     assert np.any(np.hypot(tops.D1 - 0.5, tops.D2 - 0.8) < 2e-3, axis=1).all()
+
+
+def test_no_point_is_asked_twice() -> None:
+    asked: list[tuple[float, ...]] = []
+
+    class Counting(Hills):
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            asked.extend(zip(*(np.round(x, 9).tolist() for x in (D1, D2, power_W)), strict=True))
+            return super().predict(D1, D2, power_W)
+
+    hills_on_lattice(Counting(), LOADS)
+    assert len(asked) == len(set(asked))
