@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from models.diagnosis.inaccuracy import inaccuracy, of_laws
 from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
-from models.diagnosis.predictions import Key, Predictions, Repeated, read, table_of
+from models.diagnosis.predictions import Key, Predictions, Repeated, ending, read, table_of
 from models.diagnosis.thresholds import State
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
@@ -190,11 +190,16 @@ def signatures(
         variants["spread", s.path, sigmas] = model, at
     variants |= {("input", k): (baseline, moved) for k, moved in enumerate(_inputs(at))}
     lines = None
+    end_s, at_end = float(np.max(np.asarray(observations.points.time_s))), dict[Key, Case]()
     if repeated is None:
-        results = simulate_each(list(variants.values()), near, processes=observations.processes)
+        if observations.processes > 1:  # what to measure next is asked for then
+            at_end = ending(variants, end_s)
+        cases = [*variants.values(), *at_end.values()]
+        results = simulate_each(cases, near, processes=observations.processes)
         tables, lines = list(map(table_of, results)), _lines(results, entries, len(spreads))
     else:
         tables = repeated.tables(variants, near)
+    tables, last = tables[: len(variants)], tables[len(variants) :]
     base, *moved = (read(table, observations, row) for table in tables)
     ends = np.cumsum([len(entries), len(spreads), len(limit)])
     of_effects, of_spreads, of_limit, of_inputs = np.split(np.stack(moved), ends)
@@ -227,7 +232,7 @@ def signatures(
         rows=used,
         near=near,
         lines=lines,
-        told=Predictions.of(used, variants, tables),
+        told=Predictions.of(used, variants, tables).ending(list(at_end), last, end_s),
         state=State.of(at, tables[: 1 + ends[1]], usual).spread(used, len(observations.frame)),
     )
 

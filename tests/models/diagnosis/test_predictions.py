@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.diagnosis import predictions
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.predictions import Repeated
 from models.diagnosis.signatures import Signatures, signatures
@@ -48,6 +49,21 @@ def test_repeated_rows_have_the_signatures_of_a_simulation_of_their_own(
         np.testing.assert_allclose(one.slope * step, other.slope * step, atol=5e-3)
     np.testing.assert_allclose(kept.spreads, anew.spreads, atol=5e-3)
     np.testing.assert_allclose(kept.baseline, anew.baseline, atol=5e-3)
+
+
+def test_what_follows_the_time_is_known_of_the_end_where_a_command_waits(
+    measured: Observations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used, near = np.unique(measured.row), measured.reference(BASELINE)
+    told = signatures(replace(measured, processes=2), BASELINE, near=near).told
+    end_s = np.full(len(measured.points), np.max(measured.points.time_s))
+    last = replace(measured, points=replace(measured.points, time_s=end_s))
+    anew = signatures(last, BASELINE, near=near)
+    monkeypatch.setattr(predictions, "simulate_each", None)  # nothing is asked of the simulator
+    kept = signatures(last, BASELINE, near=near, repeated=Repeated(known=told, rows=used))
+    for one, other in zip(kept.effects, anew.effects, strict=True):
+        step = 0.2 * one.entry.headline.prior  # as above
+        np.testing.assert_allclose(one.slope * step, other.slope * step, atol=5e-3)
 
 
 def test_nothing_is_kept_where_the_baseline_itself_follows_the_time(measured: Observations) -> None:
