@@ -6,6 +6,7 @@ per cent. ``group``: causes that this design cannot tell apart have it together,
 these data did not. ``unknown``: the residuals need a leftover more than any cause, or nothing above reaches 95 %.
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -134,6 +135,19 @@ def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     return [Cause(effect=name, fit=best[name], probability=total[name]) for name in order]
 
 
+def _standing(cause: Cause, hypotheses: Sequence[Hypothesis], leftover: float) -> float:
+    """How many sigmas a cause stands out by beside a leftover of such a length: its distance from off.
+
+    Beside one that is more than its law may be wrong by, which would be said, another leftover may do what the cause
+    does: no more then than the root of twice the log odds against all that explains the readings without it.
+    """
+    without = sum(h.probability for h in hypotheses if cause.effect not in h.fit.effects)
+    if leftover < _FAINT_BESIDE or without <= 0.0:
+        return cause.term.significance
+    odds = max(_any_of(hypotheses, (cause.effect,)) / without, 1.0)
+    return min(cause.term.significance, math.sqrt(2.0 * math.log(odds)))
+
+
 def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float:
     """Probability that at least one of the effects is there."""
     return sum(h.probability for h in hypotheses if not set(effects).isdisjoint(h.fit.effects))
@@ -183,8 +197,8 @@ def judge(
 
     ``leftover`` is the length in sigmas of what is left over, where anything is. Where that is probable a cause is
     stated beside it only if its value is further from off, well above: what nobody has thought of looks a little
-    like something. What is sure and shorter than that is no cause beside a stated one: it is not listed, and the
-    leftover is said.
+    like something. Beside a long one the readings must also call for it against any other leftover. What is sure and
+    shorter than that is no cause beside a stated one: it is not listed, and the leftover is said.
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed. Where readings that were taken for outliers
@@ -198,10 +212,11 @@ def judge(
     beside = sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if fits else []
     least = max(leftover if beside >= _LIKELY else 0.0, _caught(hypotheses))
-    large = [c for c in causes if not alike and c.term.significance >= least * _above(c.term)]
+    standing = {c.effect: _standing(c, hypotheses, least) for c in causes}
+    large = [c for c in causes if not alike and standing[c.effect] >= least * _above(c.term)]
     excluded = ordinary < 1 - SURE
     groups = _groups(large, hypotheses, whitener, excluded=excluded)
-    below = [c for c in causes if c.probability >= SURE and c.term.significance < least]
+    below = [c for c in causes if c.probability >= SURE and standing[c.effect] < least]
     tied_by_data = excluded and not groups
     if tied_by_data:
         groups = _left_open(large, [h for h in hypotheses if faint or h.leftover is None])

@@ -195,6 +195,23 @@ def test_a_cause_that_is_small_beside_what_is_left_over_is_not_named() -> None:
     assert judged(*entries, leftover=13.0).kind == "unknown"  # the made-up values are 10 sigmas from off
 
 
+@pytest.mark.parametrize(("leftover", "without", "kind"), [
+    (12.0, 1e-60, "named"),  # odds of 16.6 sigmas; asked for are 1.25 times 12
+    (12.0, 1e-40, "unknown"),  # 13.6 sigmas
+    (10.0, 1e-40, "named"),  # what the law of any cause may leave
+])  # fmt: skip
+def test_a_cause_that_another_leftover_may_stand_for_is_not_named(
+    leftover: float, without: float, kind: str
+) -> None:
+    fit = joint_fit({"link_resistance": ALONG}, ALONG, value=3.0)  # 30 sigmas from off
+    rival = joint_fit({"skin_effect": ALONG}, ALONG)
+    hypotheses = [
+        Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0),
+        Hypothesis(fit=rival, leftover=_leftover(5.0), probability=without),
+    ]
+    assert judge(hypotheses, WHITENER, leftover=leftover).kind == kind
+
+
 def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
     head = CATALOGUE["fan_step"].headline
     for tolerances, kind in ((1.0, "consistent"), (5.0, "named")):
