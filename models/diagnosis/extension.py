@@ -10,8 +10,11 @@ with r what is left of the input power under load without the spreads, S the eff
 value is.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.refinery import Refinery
@@ -20,13 +23,49 @@ from sim.model import Model
 Array = NDArray[np.float64]
 
 _Z95 = 1.96
+_LEAST_LIMIT = 1e-3  # of the normal part: below it rounding would be all there is
 
 
 def interval(refinery: Refinery, fit: Fit, effect: str) -> tuple[float, float]:
     """The 95 % interval of an effect's value in a fit, inside its bounds."""
     term = fit.term(effect)
-    half = _Z95 * term.uncertainty(_of_shapes(refinery, fit)[fit.effects.index(effect)])
+    half = _half(term, _of_shapes(refinery, fit)[fit.effects.index(effect)])
     return max(term.value - half, term.head.lower), min(term.value + half, term.head.upper)
+
+
+def _half(term: Term, of_shapes: float) -> float:
+    """Half of the 95 % interval of a value; a spread inside limits never reaches 1.96 of its sigmas."""
+    total = term.uncertainty(of_shapes)
+    if not term.signature.entry.inside_limits:
+        return _Z95 * total
+    spread = term.spread
+    return half_with_limit(math.sqrt(3.0) * spread, math.sqrt(total**2 - spread**2))
+
+
+def half_with_limit(limit: float, sigma: float) -> float:
+    r"""The h that :math:`|u + x|` stays under with 95 %, u uniform up to a limit and x normal with a sigma.
+
+    .. math:: P(u + x < h) = \frac{\sigma}{2a} \left[ G\!\left(\frac{h + a}{\sigma}\right)
+              - G\!\left(\frac{h - a}{\sigma}\right) \right], \quad G(z) = z\,\Phi(z) + \varphi(z) .
+
+    >>> round(half_with_limit(1.0, 1e-6), 3), round(half_with_limit(1e-3, 1.0), 3)
+    (0.95, 1.96)
+    """
+    if limit < _LEAST_LIMIT * sigma:
+        return _Z95 * sigma
+
+    def below(half: float) -> float:
+        up, down = (half + limit) / sigma, (half - limit) / sigma
+        return sigma / (2.0 * limit) * float(_summed(up) - _summed(down))
+
+    from scipy.optimize import brentq  # here: it loads slowly, and every diagnosis would pay
+
+    return float(brentq(lambda half: below(half) - 0.975, 0.0, limit + 4.0 * sigma))
+
+
+def _summed(z: float) -> float:
+    """Integral of the normal distribution function up to z."""
+    return float(z * ndtr(z) + math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi))
 
 
 def _of_shapes(refinery: Refinery, fit: Fit) -> list[float]:

@@ -69,15 +69,19 @@ class Term:
         usual = max(self.head.tolerance, self.signature.everyday)
         return abs(acting) > _EVERYDAY * usual + _SURELY * slope * self.sigma
 
+    @property
+    def spread(self) -> float:
+        """How far the effect's own parts may be off at this value, one sigma, in the value's unit."""
+        return self.signature.entry.spread_at(self.value, self.signature.everyday)
+
     def uncertainty(self, of_shapes: float) -> float:
         """Standard deviation of the value: of the fit, of the parts' own spreads, and of the effect's law.
 
         ``of_shapes`` is how far the law's shapes already let the fit be off, part of ``sigma``: its level is the rest.
         """
         entry = self.signature.entry
-        spread = entry.spread_at(self.value, self.signature.everyday)
         level = math.sqrt(max((entry.law * self.distance) ** 2 - of_shapes**2, 0.0))
-        return math.hypot(self.sigma, spread, level)
+        return math.hypot(self.sigma, self.spread, level)
 
     def aside(self, share: float) -> Self:
         """The value moved by a share of the prior scale, inside its bounds."""

@@ -82,7 +82,8 @@ class Effect:
     ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. ``akin`` is
     the effect that such an error looks like, where one does.
     ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each; ``over_time``
-    that it follows the time since the campaign began.
+    that it follows the time since the campaign began; ``inside_limits`` that the tolerance is the sigma of what is
+    uniform inside a maker's limits.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Effect:
     akin: str | None = None
     together: bool = False
     over_time: bool = False
+    inside_limits: bool = False
 
     @property
     def headline(self) -> EffectParameter:

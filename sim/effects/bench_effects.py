@@ -185,7 +185,6 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         name="ambient_drift",
         stage="thermal, time",
         parameters=(_one("rate_K_per_h", "K/h", 0.1, 3.0, -20.0, 20.0),),
-        law=0.05,
         over_time=True,
         says="the room's temperature drifts while the campaign runs",
         check_on_bench="log the ambient temperature at the heatsink's air inlet",
@@ -204,6 +203,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         # 0.05 % of a range of 5 A, uniform: a sigma of that over root three
         parameters=(replace(_one("current_A", "A", 1.5e-3, 0.02, -0.2, 0.2), goes_by="input_range"),),
         law=0.01,
+        inside_limits=True,
         says="the analyzer's input current has a zero offset",
         check_on_bench="zero the analyzer with the input open; read standby with the leads off",
     ),

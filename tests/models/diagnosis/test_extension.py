@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
-from models.diagnosis.extension import extended, interval
+from models.diagnosis.extension import extended, half_with_limit, interval
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
@@ -56,3 +57,26 @@ def test_a_reading_that_counts_for_little_moves_little() -> None:
 def test_without_a_cause_it_is_the_baseline() -> None:
     bench, fit = that_leaves(1.0)
     assert extended(bench, fit, (), SIGMA) == Model.baseline()
+
+
+def test_an_interval_of_a_uniform_and_a_normal_part_holds_95_per_cent() -> None:
+    limit, sigma = 2.0, 0.7
+    half = half_with_limit(limit, sigma)
+    uniform = (
+        limit * (np.arange(2000) + 0.5) / 1000 - limit
+    )  # midpoints: their sum errs by their spacing squared
+    holds = np.mean(ndtr((half - uniform) / sigma) - ndtr((-half - uniform) / sigma))
+    assert holds == pytest.approx(0.95, abs=1e-6)
+
+
+@pytest.mark.parametrize(("name", "sigmas"), [("analyzer_offset", 0.95 * 3**0.5), ("auxiliary_power", 1.96)])
+def test_a_spread_inside_limits_counts_no_further_than_they_go(name: str, sigmas: float) -> None:
+    bench, fit = that_leaves(0.0, name)
+    (term,) = fit.terms
+    spread = 0.1 * term.head.upper
+    wide = replace(
+        term, signature=replace(term.signature, everyday=spread), value=0.5 * spread, sigma=1e-3 * spread
+    )
+    _, high = interval(bench, replace(fit, terms=(wide,)), name)
+    # the fit and a law of a hundredth of half a spread count by their squares
+    assert high - wide.value == pytest.approx(sigmas * spread, rel=1e-4)
