@@ -217,6 +217,13 @@ def test_functions_take_few_parameters() -> None:
                 assert len(names) <= 6, f"{path.name}: {node.name} takes {len(names)}; give them an object"
 
 
+def test_the_contract_that_drivers_know_no_mocks_names_every_driver() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = settings["tool"]["importlinter"]["contracts"]
+    (held,) = (c["source_modules"] for c in contracts if c.get("forbidden_modules") == ["drivers.mocks"])
+    assert set(held) == {f"drivers.{path.stem}" for path in (ROOT / "drivers").glob("[!_]*.py")}
+
+
 def test_the_lab_can_hide_every_effect_of_the_catalogue() -> None:
     assert set(CATALOGUE) <= set(HIDDEN)
 
