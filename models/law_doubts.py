@@ -7,7 +7,9 @@ much, they are off alike,
 
 .. math:: k(x, x') = \sum_{e, e'} a_e\,a'_{e'} \exp\Bigl(-\frac{(m_e - m'_{e'})^2}{2 \ell^2}\Bigr)
 
-over the edges of one bridge, with a the sigma of that loss and m the share that an edge misses.
+over the edges of one bridge, with a the sigma of that loss and m the share that an edge misses. An edge that is soft
+is known, and so is one that is hard all the way: towards either end a goes to nothing. A doubt that ended in a step
+would let the leftover lower the loss just before it, and an optimum would be found along that step where there is none.
 """
 
 from itertools import product
@@ -36,8 +38,13 @@ def law_doubts(result: Result, converter: Converter) -> Array:
     ``converter`` is the one that was simulated.
     """
     smooth_W, edges_W, small_W, rest_W = law_errors(result, converter)
-    missing = [result[f"missing_{edge}"] for edge in EDGES]
-    known = [_LEFT * smooth_W, _LEFT * edges_W, small_W, *rest_W, *missing]
+    missing = np.stack([result[f"missing_{edge}"] for edge in EDGES])
+    halfway = 4 * missing * (1 - missing)  # 1 there, 0 where an edge is soft or hard all the way
+    small_W = small_W * [np.max(halfway[edges], axis=0) for edges in _OF_BRIDGE]
+    rest_W = (
+        rest_W * 2 * (1 - missing)
+    )  # what closing on it costs goes to nothing itself where little is missing
+    known = [_LEFT * smooth_W, _LEFT * edges_W, np.linalg.norm(small_W, axis=0), *rest_W, *missing]
     return np.asarray(np.nan_to_num(np.stack(known, axis=1)))
 
 

@@ -1,13 +1,15 @@
-r"""Which of several hills is the highest: the points to measure where that is what decides the optimum.
+r"""Where the highest point may be: the points to measure where that is what decides the optimum.
 
-At each load the best point a of the model stands against the tops j of its other hills. With :math:`\delta` by how much
+At each load the best point a of the model stands against the tops j of its other hills, and against the points around
+every top, which an edge that just switches softly may cut off from it. With :math:`\delta` by how much
 the model sees j below a, and s the standard deviation of that difference, what is lost on average by taking a is
 
 .. math:: s\,g(\delta / s), \quad g(z) = \varphi(z) - z\,\Phi(-z) ,
 
 and rows that take the share t\ :sup:`2` of s\ :sup:`2` away are worth :math:`t\,g(\delta / t)` of it: what better
-choices gain on average once they are measured. All rivals of all loads add up. Points are chosen one after the other,
-each the one that is worth most together with those before it.
+choices gain on average once they are measured. Of each load the rival that is worth most counts, since those of one
+hill are nearly the same; loads add up. Points are chosen one after the other, each the one that is worth most together
+with those before it.
 
 Where to measure is asked with a wider s: hills lie where devices just switch softly, and what a law of edges misses
 there the model learns from few rows, while all others make it sure.
@@ -15,6 +17,7 @@ there the model learns from few rows, while all others make it sure.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Self
 
 import numpy as np
@@ -28,12 +31,15 @@ Array = NDArray[np.float64]
 
 _NO_SPREAD = 1e-12  # of efficiency: two tops of one hill
 _SAME = 0.03  # in D1 and D2: tops nearer to each other are one
+_STEPS = np.array(list(product((0, -1, 1), repeat=2)))  # to a top itself and around it
+_STEP = 0.02  # in D1 and D2: across an edge that just switches softly, a little of the way over which laws are smooth
+_BELOW = 1e-3  # of efficiency: what lies further below the best is no rival
 _DOUBT = 2.0  # Assumption: differences between hills may be off by twice what the model says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RivalHills:
-    """Tops (K,) in the order of their loads: where they are (K, 3), the model's efficiency and its covariance.
+    """Points (K,) that may be the highest: where they are (K, 3), the model's efficiency and its covariance.
 
     ``load`` (K,) numbers the load of each; ``noise`` is the standard deviation of a reading of efficiency.
     """
@@ -46,34 +52,37 @@ class RivalHills:
 
     @classmethod
     def of(cls, model: CalibratedPhysics, loads_W: Array) -> Self:
-        """Those that a calibrated model has at each load (L,), where it vouches for them."""
-        hills = hills_on_lattice(model.vouched(), loads_W)
-        load, number = np.nonzero(_distinct(hills))
-        place = np.stack([hills.D1[load, number], hills.D2[load, number], loads_W[load]], axis=1)
-        read = model.leftover
+        """The tops that a calibrated model has at each load (L,) and what is around them, where it vouches for them."""
+        vouched = model.vouched()
+        place, load = _around(hills_on_lattice(vouched, loads_W), loads_W)
+        efficiency = np.asarray(vouched.predict(*place.T))
+        best = np.full(len(loads_W), -np.inf)
+        np.fmax.at(best, load, efficiency)
+        near = efficiency >= best[load] - _BELOW  # NaN is not
+        place, load, read = place[near], load[near], model.leftover
         return cls(
             place=place,
             load=load,
-            efficiency=hills.efficiency[load, number],
+            efficiency=efficiency[near],
             covariance=_DOUBT**2 * model.left_open(place),
             noise=float(np.median(read.noise_W / read.place[:, 2])),
         )
 
     def lost(self) -> Array:
-        """Efficiency that is lost on average at the best point of each load that has one, to all rivals."""
+        """Efficiency that is lost on average at the best point of each load that has one, to its worst rival."""
         own, best = np.diag(self.covariance), self._best
         variance = own + own[best] - 2 * self.covariance[np.arange(own.size), best]
-        return self._over_rivals(_average_loss(self._below(), np.sqrt(np.maximum(variance, 0.0))))
+        return self._worst(_average_loss(self._below(), np.sqrt(np.maximum(variance, 0.0))))
 
     def worth_most(self, count: int, allowed: NDArray[np.bool_] | None = None) -> Iterator[tuple[int, float]]:
-        """Which tops to measure, so many of the ``allowed`` (K,), and the loss that each takes away over all loads."""
+        """Points to measure, so many of the ``allowed`` (K,), and the loss that each takes away over all loads."""
         may = np.ones(self.load.size, dtype=bool) if allowed is None else allowed
         below, open_, gained = self._below(), self.covariance, 0.0
         told_before = np.zeros(self.load.size)  # of the variance of each difference
         for _ in range(count if np.any(may) else 0):
             shift = open_ / np.sqrt(np.diag(open_) + self.noise**2)  # one sigma of each reading, (K, reading)
             told = told_before[:, None] + (shift - shift[self._best]) ** 2
-            total = _average_loss(below[:, None], np.sqrt(told)).sum(axis=0)
+            total = self._worst(_average_loss(below[:, None], np.sqrt(told))).sum(axis=0)
             row = int(np.argmax(np.where(may, total, -np.inf)))
             yield row, float(total[row]) - gained
             gained, told_before = float(total[row]), told[:, row]
@@ -81,7 +90,7 @@ class RivalHills:
 
     @property
     def _best(self) -> NDArray[np.intp]:
-        """The best top at the load of each, (K,)."""
+        """The best point at the load of each, (K,)."""
         order = np.lexsort((-self.efficiency, self.load))
         _, first, own = np.unique(self.load, return_index=True, return_inverse=True)
         return np.asarray(order[first][own])
@@ -89,9 +98,11 @@ class RivalHills:
     def _below(self) -> Array:
         return np.asarray(self.efficiency[self._best] - self.efficiency)
 
-    def _over_rivals(self, value: Array) -> Array:
-        """The sum of (K,) at each load."""
-        return np.asarray(np.bincount(np.unique(self.load, return_inverse=True)[1], weights=value))
+    def _worst(self, value: Array) -> Array:
+        """The largest of (K, ...) at each load that has one, (L, ...)."""
+        order = np.argsort(self.load, kind="stable")
+        first = np.unique(self.load[order], return_index=True)[1]
+        return np.asarray(np.maximum.reduceat(value[order], first, axis=0)) if order.size else value
 
 
 def _distinct(hills: Hills) -> NDArray[np.bool_]:
@@ -101,6 +112,15 @@ def _distinct(hills: Hills) -> NDArray[np.bool_]:
     before = np.arange(value.shape[1])[:, None] > np.arange(value.shape[1])
     higher = (value[:, None] > value[:, :, None]) | ((value[:, None] == value[:, :, None]) & before)
     return np.asarray(np.isfinite(value) & ~np.any((apart < _SAME) & higher, axis=2))
+
+
+def _around(hills: Hills, loads_W: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Every top and the points around it, (K, 3), and the number of their load, (K,)."""
+    load, number = np.nonzero(_distinct(hills))
+    tops = np.stack([hills.D1[load, number], hills.D2[load, number]], axis=1)
+    at = np.clip(tops + _STEP * _STEPS[:, None], 0.0, 1.0).reshape(-1, 2)
+    load = np.tile(load, len(_STEPS))
+    return np.column_stack([at, loads_W[load]]), load
 
 
 def _average_loss(below: Array, spread: Array) -> Array:

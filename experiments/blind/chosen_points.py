@@ -17,7 +17,7 @@ from models.rival_hills import RivalHills
 
 Array = NDArray[np.float64]
 
-_SHARE, _MOST = 1 / 3, 24  # of the points are chosen
+_SHARE, _MOST = 1 / 3, 64  # of the points are chosen
 _ROUNDS = 4
 DESIGN = 29
 _ANOTHER = 1_000_000  # between the seeds of the noise of one round and the next

@@ -91,8 +91,8 @@ def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
 def law_errors(near: Result, converter: Converter) -> tuple[Array, Array, Array, Array]:
     """One sigma of the input power in W at N points, by what may be wrong.
 
-    All laws (N,); those of edges (N,); what bridges switch where one of their swings is cut short (N,); closing on the
-    rest of each swing (edges, N).
+    All laws (N,); those of edges (N,); what each bridge switches where one of its swings is cut short (bridges, N);
+    closing on the rest of each swing (edges, N).
     """
     cut_short, parts = _cut_short(near), _parts(near)
     lost_W = {part: np.nan_to_num(near[f"loss_{part}_W"]) for part, _, _ in parts}
@@ -102,10 +102,13 @@ def law_errors(near: Result, converter: Converter) -> tuple[Array, Array, Array,
     def together(errors_W: list[Array]) -> Array:
         return np.asarray(np.linalg.norm([none, *errors_W], axis=0))
 
+    def at_edges(bridge: str) -> Array:
+        return together([lost_W[part] for part in of_edges if part.startswith(bridge)])
+
     return (
         together([law * lost_W[part] for part, law, _ in parts]),
         together([law * lost_W[part] for part, law, at_edges in parts if at_edges]),
-        together([_AT_SMALL_CURRENT * cut_short[part.partition("_")[0]] * lost_W[part] for part in of_edges]),
+        np.stack([_AT_SMALL_CURRENT * cut_short[bridge] * at_edges(bridge) for bridge in BRIDGES]),
         _THE_REST * _rest_W(near, converter),
     )
 

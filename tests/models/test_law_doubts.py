@@ -43,6 +43,15 @@ def test_a_swing_that_is_whole_or_not_there_is_as_sure_as_the_laws() -> None:
     assert not np.any(rest_W[(missing < 0.01) | (missing > 0.99)])
 
 
+def test_doubts_have_no_steps_where_a_swing_begins_to_be_cut_and_where_nothing_of_it_is_left() -> None:
+    across = Points(D1=np.linspace(0.6, 0.9, 401), D2=0.2, power_W=400.0)  # two edges go from soft to hard
+    doubts = law_doubts(simulate(Model.baseline(), across), prototype())
+    missing = doubts[:, FIRST_MISSING:]
+    assert {0, 2} == set(np.flatnonzero((missing.min(axis=0) < 0.01) & (missing.max(axis=0) > 0.99)))
+    # 0.03 W is an eighth of what closing on all of a swing is doubted by, and from point to point a tenth is missed
+    assert np.max(np.abs(np.diff(doubts[:, :FIRST_MISSING], axis=0))) < 0.03
+
+
 def test_smooth_laws_are_doubted_by_a_share() -> None:
     doubts = np.zeros((2, COLUMNS))
     doubts[:, 0] = 0.2

@@ -1,6 +1,7 @@
 """Rows where the optimum is decided: at the hills that might be the highest, not at the others."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,43 @@ def rivals(efficiency: list[float], load: list[int]) -> RivalHills:
         covariance=SIGMA**2 * np.eye(count),
         noise=SIGMA,
     )
+
+
+@dataclass(frozen=True)
+class Hill:
+    """One hill over (D1, D2) that bends by ``bend`` and ends at ``most``; a point of it is as unsure as a row."""
+
+    bend: float
+    most: float = 1.0
+    leftover = SimpleNamespace(noise_W=np.full(1, 0.1), place=np.array([[0.5, 0.5, 500.0, 0.0, 10.0]]))
+
+    def vouched(self) -> "Hill":
+        return self
+
+    def predict(self, D1: np.ndarray, D2: np.ndarray, power_W: np.ndarray) -> np.ndarray:
+        return np.where(self.most < D2, np.nan, 0.98 - self.bend * ((D1 - 0.5) ** 2 + (D2 - 0.3) ** 2))
+
+    def left_open(self, place: np.ndarray) -> np.ndarray:
+        return np.asarray(SIGMA**2 * np.eye(len(place)))
+
+
+@pytest.mark.parametrize(
+    ("hill", "around"),
+    # 0.02 aside a hill of bend 1 is 4e-4 lower, at the corners 8e-4: rivals; one of bend 2 is 16e-4 lower there
+    [(Hill(1.0), 8), (Hill(2.0), 4), (Hill(1.0, most=0.315), 5), (Hill(100.0), 0)],
+)
+def test_points_around_a_top_are_rivals_where_they_are_nearly_as_high(hill: Hill, around: int) -> None:
+    of = RivalHills.of(hill, np.array([400.0, 800.0]))  # type: ignore[arg-type]
+    steps = (of.place[:, :2] - (0.5, 0.3)) / 0.02
+    whole = np.all(np.abs(steps - np.round(steps)) < 1e-6, axis=1)  # what is around tops, not around slopes
+    assert np.bincount(of.load[whole]).tolist() == [1 + around, 1 + around]
+    np.testing.assert_allclose(of.efficiency, hill.predict(*of.place.T))
+    assert np.all(of.efficiency >= 0.979)
+
+
+def test_many_points_of_one_rival_hill_count_once() -> None:
+    one, three = rivals([0.970, 0.9698], [0, 0]), rivals([0.970, *[0.9698] * 3], [0] * 4)
+    assert three.lost()[0] == pytest.approx(one.lost()[0])
 
 
 def test_what_is_lost_on_average_is_that_of_drawn_hills() -> None:
