@@ -175,8 +175,8 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
         options = (as_option(ours, theirs, units.get(theirs)) for ours, theirs in near.items())
         example = " ".join(options) or "--column OURS=THEIRS*FACTOR"
         file = "" if name == _NO_FILE else f'"{name}" '
-        required += f"; other names and units are taken by d2ea import {file}{example}"
-    raise DatasetError("; ".join([f"{name}: {said}", required, *read.notes]))
+        required += f"; other names and units are taken by\nd2ea import {file}{example}"
+    raise DatasetError("; ".join([f"{name}: {said}", *read.notes, required]))
 
 
 def _or_efficiency(column: str, near: Mapping[str, str]) -> str | None:
