@@ -44,7 +44,7 @@ def oscillogram_figure(trace: Trace, title: str) -> Figure:
         top = float(np.abs(samples[[line[0] for line in lines]].to_numpy()).max())
         axes.set_ylim(-1.15 * top, 1.45 * top)
         axes.legend(fontsize=7, frameon=False, ncols=2, loc="upper right")
-    upper.set_title(title, fontsize=8)
+    figure.suptitle(title, fontsize=8)
     upper.set_ylabel("bridge voltage (V)", fontsize=8)
     lower.set_ylabel("current (A)", fontsize=8)
     lower.set_xlabel("time since the primary's rising edge (µs)", fontsize=8)

@@ -67,7 +67,7 @@ def waveform_(
     trace = oscillogram_of(solved)
     for line in _lines({name: float(values[0]) for name, values in solved.result.values.items()}):
         out.print(escape(line))
-    title = f"simulated: D1 = {D1:g}, D2 = {D2:g}, {power_W:g} W, {V1_V:g} V to {V2_V:g} V"
+    title = f"simulated: D1 = {D1:g}, D2 = {D2:g}, {power_W:g} W\n{V1_V:g} V to {V2_V:g} V"
     for file in out_files:
         if file.suffix in PICTURES:
             oscillogram_figure(trace, title).savefig(file, dpi=DPI)
@@ -89,8 +89,8 @@ def _lines(point: dict[str, float]) -> list[str]:
     return [
         f"D0 {point['D0']:.4f}, input {point['P1_W']:.2f} W, efficiency {100 * point['efficiency']:.3f} %",
         f"link current {point['I_L_rms_A']:.3f} A rms, {point['I_L_pp_A']:.3f} A peak to peak",
-        f"heatsink {point['T_heatsink_C']:.1f} degC, transformer {point['T_transformer_C']:.1f} degC, "
-        f"inductor {point['T_inductor_C']:.1f} degC",
+        f"heatsink {point['T_heatsink_C']:.1f} °C, transformer {point['T_transformer_C']:.1f} °C, "
+        f"inductor {point['T_inductor_C']:.1f} °C",
         f"zero-voltage switching at {join(soft) or 'no edge'}"
         + (f", not at {join(hard, 'or')}" if hard else ""),
         "losses: " + ", ".join(f"{part} {loss:.2f} W" for part, loss in largest),

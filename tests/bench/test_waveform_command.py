@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from sim.model import Model
 from sim.operating_points import Points
@@ -34,6 +36,19 @@ def test_samples_have_the_currents_that_are_told(capsys: pytest.CaptureFixture[s
     assert [rms_A, np.ptp(current_A)] == pytest.approx(told, rel=5e-3)  # two solvers, of slopes of their own
     assert time_s[-1] == pytest.approx(1 / 20e3, rel=1e-9)  # a period, to rounding
     assert Path("new/point.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_holds_its_title(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    point = ("--D1", "0.8765", "--D2", "0.1234", "--P", "1234.5", "--V", "312.5", "147.5")
+    assert d2ea("waveform", *point, "--out", "point.pdf") == 0
+    (figure,) = drawn
+    FigureCanvasAgg(figure).draw()
+    (title,) = [text for text in figure.texts if "simulated" in text.get_text()]
+    box, page = title.get_window_extent(), figure.bbox
+    assert page.x0 <= box.x0 < box.x1 <= page.x1
+    assert box.y1 <= page.y1
 
 
 def test_voltages_and_backward_power_can_be_given(capsys: pytest.CaptureFixture[str]) -> None:
