@@ -26,6 +26,7 @@ from bench.config import AdaptiveConfig, BenchConfig, CampaignConfig
 from bench.plan import AMBIENT_C, Box, Kind, PlannedPoint, candidates_of
 from bench.prediction import Asked, FloatArray, Predictor, model_of
 from bench.within import Within
+from bench.wording import action_text, effect_name, join
 from models.screening import LOADED_KINDS
 
 if TYPE_CHECKING:
@@ -138,7 +139,8 @@ class Adaptive:
         from models.near_optimum import least_known
 
         verdict, settings = found.verdict, self._settings
-        stated = f"verdict so far: {verdict.kind}" + "".join(f" {name}" for name in verdict.stated)
+        causes = join([effect_name(name) for name in verdict.stated])
+        stated = f"verdict so far: {verdict.kind}" + (f", {causes}" if causes else "")
         settled = is_settled(found, settings.probability)
         may = Allowed(
             set_points=allowed[:: -(-len(allowed) // _MOST_ASKED)],
@@ -151,7 +153,10 @@ class Adaptive:
         doable = [step for step in found.steps(may, settings.at_once) if not step.by_hand]
         if doable:
             return (self._step(step) for step in doable for _ in range(step.repeats)), [stated]
-        said = [stated, *(f"for somebody at the bench: {s.action}" for s in found.next if s.by_hand)]
+        said = [
+            stated,
+            *(f"for somebody at the bench: {action_text(s.action)}" for s in found.next if s.by_hand),
+        ]
         if undecided := self._undecided(found, so_far):
             return iter(undecided), said
         unsure = least_known(found.calibrated, allowed, settings.at_once)
@@ -186,7 +191,7 @@ class Adaptive:
 
     def _step(self, step: "NextMeasurement") -> PlannedPoint:
         """A step of the diagnosis as a row, with the question that it answers."""
-        parts = ", ".join(step.separates) or "what was stated"
+        parts = join([effect_name(name) for name in step.separates]) or "what was stated"
         why = f"tells about {parts}: {step.expected_sigma:.1f} sigma expected of {step.repeats}"
         if step.set_point is not None:
             return _load(step.set_point, why)

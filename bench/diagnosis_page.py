@@ -13,6 +13,7 @@ from bench import charts, diagnosis_charts
 from bench.report import diagnosis_actions, environment, rows_left_out
 from bench.so_far import so_far_text
 from bench.wording import (
+    channel_name,
     counted,
     difference_unit,
     effect_name,
@@ -102,7 +103,7 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
             said.append("heavy tails")
         if count and n["autocorrelation"] > max(_AUTOCORRELATION, memory):
             said.append("remembers: drift or slow settling")
-        rows.append((channel, sigma, source, ", ".join(said) or "–"))
+        rows.append((channel_name(channel), sigma, source, ", ".join(said) or "–"))
     return rows
 
 

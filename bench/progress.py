@@ -47,6 +47,7 @@ class Tracker:
         self._total, self._grows = plan.most or len(plan.points), plan.most is not None
         self._report, self._real_s = report, real_s
         self._first_s: float | None = None
+        self._before = 0  # rows that an earlier session has measured
         self._residuals: list[float] = []
         self.accepted = self.rejected = 0
 
@@ -62,7 +63,7 @@ class Tracker:
     def begin(self, row: PlannedPoint) -> None:
         """A point is about to be set."""
         if self._first_s is None:
-            self._first_s = self._real_s()
+            self._first_s, self._before = self._real_s(), self.done
         self._report(self._now(row=row, left_s=self._left_s()))
 
     def finish(
@@ -89,6 +90,7 @@ class Tracker:
         return Progress(done=self.done, total=self._total, at_most=self._grows, **more)
 
     def _left_s(self) -> float | None:
-        if not self.done or self._first_s is None:
+        measured = self.done - self._before
+        if not measured or self._first_s is None:
             return None
-        return (self._real_s() - self._first_s) / self.done * (self._total - self.done)
+        return (self._real_s() - self._first_s) / measured * (self._total - self.done)

@@ -205,7 +205,7 @@ def choice(adaptive: Adaptive, powers: pd.DataFrame) -> Choice:
 
 def test_rows_are_chosen_that_answer_the_open_question(choice: Choice) -> None:
     assert choice.rows[0].kind is Kind.STANDBY
-    assert "analyzer_offset" in choice.rows[0].why
+    assert "analyzer current offset" in choice.rows[0].why
     assert (choice.rows[0].D1, choice.rows[0].D2, choice.rows[0].power_W) == (0.8, 0.0, 0.0)
 
 

@@ -188,7 +188,7 @@ def test_tables_say_what_stands_behind_them() -> None:
     assert blind.larger == (("ac-link resistance", "89.9 mΩ"), ("inductor core loss", "120 %"))
     assert blind.never == ("gate-delay skew",)
     warm = {"T_heatsink_C": ANSWER["noise"]["efficiency"] | {"sigma": 0.4, "relative": False}}
-    assert noise_rows({"noise": warm})[0][1] == "0.4 K"
+    assert noise_rows({"noise": warm})[0][:2] == ("heatsink", "0.4 K")
     assert [what for what, _, _ in tiles(ANSWER)] == [
         "Measured rows",
         "Gap of efficiency",

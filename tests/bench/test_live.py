@@ -50,3 +50,13 @@ def test_the_time_left_is_that_of_who_waits() -> None:
         real.sleep(3.0)  # whatever the bench's clock says
         tracker.finish(ROW, None, measured=0.97, predicted=0.98)
     assert [progress.left_s for progress in told] == [None, 9.0, 9.0, 6.0]
+
+
+def test_the_pace_of_a_resumed_campaign_is_its_own() -> None:
+    real, told = StepClock(), list[Progress]()
+    tracker = Tracker(Plan(points=(ROW,) * 4, tried=4, infeasible={}), told.append, real.now)
+    tracker.accepted = 2  # before it was resumed
+    tracker.begin(ROW)
+    real.sleep(3.0)
+    tracker.finish(ROW, None, measured=0.97, predicted=0.98)
+    assert [progress.left_s for progress in told] == [None, 3.0]
