@@ -109,20 +109,20 @@ def _scatter(rows: pd.DataFrame, colour: pd.Series, axis: str) -> go.Scatter:
 
 
 def model_errors(error: Mapping[str, float | None]) -> go.Figure:
-    """Mean absolute error of every model, on a logarithmic axis since they differ by powers of ten."""
+    """Mean absolute error of every model: dots, since a logarithmic axis has no zero for a bar to begin at."""
     known = {name: value for name, value in error.items() if value}
     names = [MODEL_NAMES.get(name, name) for name in known]
     values = [100 * float(value) for value in known.values()]
     figure = go.Figure(
-        go.Bar(
-            x=values, y=names, orientation="h", marker_color=OKABE_ITO["blue"],
-            text=[f"{value:.3g}" for value in values], textposition="auto", cliponaxis=False,
+        go.Scatter(
+            x=values, y=names, mode="markers+text", marker={"color": OKABE_ITO["blue"], "size": 12},
+            text=[f"{value:.3g}" for value in values], textposition="middle right", cliponaxis=False,
             hovertemplate="%{y}: %{x:.3f} points<extra></extra>",
         )
     )  # fmt: skip
     figure.update_xaxes(
         type="log", title_text="mean absolute error of efficiency (points, logarithmic)", tickvals=LOG_TICKS,
-        range=[np.log10(min(values, default=0.1) / 3), np.log10(max(values, default=1.0) * 1.5)],
+        range=[np.log10(min(values, default=0.1) / 3), np.log10(max(values, default=1.0) * 2)],
     )  # fmt: skip
     figure.update_yaxes(autorange="reversed", automargin=True)
     figure.update_layout(height=110 + 44 * max(len(names), 1), margin=MARGIN | {"t": 34}, showlegend=False)

@@ -99,9 +99,15 @@ def model_errors(data: ReportData) -> Figure | None:
         return None
     figure, axes = _one(ONE_COLUMN, 55 * MM)
     names, values = [MODEL_NAMES.get(n, n) for n in error], [100 * float(v) for v in error.values()]
-    bars = axes.barh(names, values, color=OKABE_ITO["blue"], height=0.6)
-    axes.bar_label(bars, fmt="%.3g", fontsize=7, padding=2)
+    axes.plot(
+        values, names, "o", color=OKABE_ITO["blue"], ms=5
+    )  # dots: a logarithmic axis has no zero for bars
+    for name, value in zip(names, values, strict=True):
+        axes.annotate(
+            f"{value:.3g}", (value, name), xytext=(6, 0), textcoords="offset points", va="center", fontsize=7
+        )
     axes.set(xscale="log", xlim=(min(values) / 2, max(values) * 3))
+    axes.margins(y=0.15)
     axes.invert_yaxis()
     axes.set_xlabel("mean absolute error (points)", fontsize=8)
     return figure
