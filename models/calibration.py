@@ -23,6 +23,7 @@ from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.law_doubts import COLUMNS, law_doubts
 from sim.model import Model
+from sim.simulate import Result, simulate_each
 
 Array = NDArray[np.float64]
 
@@ -65,24 +66,52 @@ class _Readings:
             noise_W=np.concatenate([noise_W, ratio * near[:, 2]]),
         )
 
-    def simulated(self, models: list[Model]) -> list[Array]:
-        """What each model says of them, (N,)."""
-        seen = self.refinery.observations.simulate(models, self.refinery.near)
-        near = self.edge.simulate(models) if self.edge.value.size else [self.edge.value for _ in models]
-        return [np.concatenate([a[self.loads], b]) for a, b in zip(seen, near, strict=True)]
+    def simulated(self, models: list[Model]) -> list["_Simulated"]:
+        """What each model says of them."""
+        seen = self.refinery.observations
+        parts = [_simulated(seen.take(self.loads), models, self._near())]
+        if self.edge.value.size:
+            parts.append(_simulated(self.edge, models, None))
+        return [_Simulated(model=model, parts=own) for model, *own in zip(models, *parts, strict=True)]
 
-    def doubts(self, model: Model) -> Array:
-        """What the model's laws may be wrong by at each of them, (N, COLUMNS)."""
-        converter = model.converter
-        seen = law_doubts(self.refinery.observations.result(model, self.refinery.near), converter)[self.loads]
-        if not self.edge.value.size:
-            return seen
-        return np.concatenate([seen, law_doubts(self.edge.result(model), converter)])
+    def _near(self) -> Result | None:
+        """Where models start from at readings with load."""
+        seen, near = self.refinery.observations, self.refinery.near
+        rows, chosen = np.unique(seen.row), np.unique(seen.row[self.loads])
+        return None if near is None else near.take(np.searchsorted(rows, chosen))
 
-    def beside(self, model: Model, simulated: Array, chosen: NDArray[np.bool_], empty: Leftover) -> Leftover:
-        """The leftover before the fit at some of them, beside a model that says ``simulated`` (N,)."""
-        place = np.column_stack([self.place, simulated - self.place[:, 2], self.doubts(model)])[chosen]
+    def beside(self, simulated: "_Simulated", chosen: NDArray[np.bool_], empty: Leftover) -> Leftover:
+        """The leftover before the fit at some of them, beside a model that was simulated."""
+        loss_W = simulated.value - self.place[:, 2]
+        place = np.column_stack([self.place, loss_W, simulated.doubts()])[chosen]
         return replace(empty, place=place, noise_W=self.noise_W[chosen], weight=np.zeros(len(place)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Simulated:
+    """A model's simulations of readings (N,), those near the edge by themselves: what it predicts, and all columns."""
+
+    model: Model
+    parts: list[tuple[Array, Result]]
+
+    @property
+    def value(self) -> Array:
+        """What it says of each of them, (N,)."""
+        return np.concatenate([value for value, _ in self.parts])
+
+    def doubts(self) -> Array:
+        """What its laws may be wrong by at each of them, (N, COLUMNS)."""
+        return np.concatenate([law_doubts(result, self.model.converter) for _, result in self.parts])
+
+
+def _simulated(
+    observations: Observations, models: list[Model], near: Result | None
+) -> list[tuple[Array, Result]]:
+    """What each model says of readings (N,), and its simulation at their rows."""
+    used, row = np.unique(observations.row, return_inverse=True)
+    at = observations.points.take(used)
+    found = simulate_each([(model, at) for model in models], near, (), observations.processes)
+    return [(observations.predicted(result), result.take(row)) for result in found]
 
 
 def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) -> CalibratedPhysics:
@@ -120,18 +149,19 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) ->
 
 def _fitted(model: Model, readings: _Readings, empty: Leftover) -> tuple[float, Leftover]:
     """How far the inductance is off, and the leftover beside the model with that inductance."""
-    here, more, less = readings.simulated([model, _moved(model, _ASIDE), _moved(model, -_ASIDE)])
-    slope, bend = (more - less) / (2 * _ASIDE), np.abs(more - 2 * here + less)
+    here, *aside = readings.simulated([model, _moved(model, _ASIDE), _moved(model, -_ASIDE)])
+    simulated, more, less = here.value, *(each.value for each in aside)
+    slope, bend = (more - less) / (2 * _ASIDE), np.abs(more - 2 * simulated + less)
     smooth = bend < _SMOOTH * model.converter.rated_power_W  # NaN is not
     readings = replace(readings, noise_W=np.hypot(readings.noise_W, _INPUT * slope))
-    solved = readings.beside(model, here, smooth, empty).solver()
-    s, r = slope[smooth], (readings.value - here)[smooth]
+    solved = readings.beside(here, smooth, empty).solver()
+    s, r = slope[smooth], (readings.value - simulated)[smooth]
     off = float(s @ solved(r) / (s @ solved(s) + _INDUCTANCE**-2)) if r.size else 0.0
-    moved = _moved(model, off)
-    (there,) = readings.simulated([moved])
-    usable = smooth & np.isfinite(there)
-    prior = readings.beside(moved, there, usable, empty)
-    return off, prior.fitted((readings.value - there)[usable], prior.noise_W)
+    (there,) = readings.simulated([_moved(model, off)])
+    left = readings.value - there.value
+    usable = smooth & np.isfinite(left)
+    prior = readings.beside(there, usable, empty)
+    return off, prior.fitted(left[usable], prior.noise_W)
 
 
 def _loaded(observations: Observations) -> NDArray[np.bool_]:
