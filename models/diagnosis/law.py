@@ -84,15 +84,26 @@ def _like_another(signature: Signature, known: Iterable[Signature], observations
 def _undecided(
     signature: Signature, variants: Iterable[Signature], observations: Observations, state: State
 ) -> Array:
-    """One column for each reading that a threshold's effect may have or not, (u, M), at a distance of one from off."""
+    """One column for each reading that a threshold's effect may have or not, (u, M), at a distance of one from off.
+
+    What it would be where no variant has it is what it is where it is largest: about the last threshold.
+    """
     entry, points = signature.entry, observations.points
     off = signature.values(entry.headline.off)
     open_ = entry.undecided(points, state.value, state.sigma, off)[observations.row]
-    step = open_ * np.max(np.abs([v.slope for v in variants]), axis=0)
+    there = np.max(np.abs([v.slope for v in variants]), axis=0)
+    step = open_ * np.where(there > 0.0, there, _largest(np.abs(signature.slope), observations))
     touched = np.flatnonzero((open_ > _DECIDED) & (step > 0))
     columns = np.zeros((touched.size, step.size))
     columns[np.arange(touched.size), touched] = step[touched]
     return columns
+
+
+def _largest(sizes: Array, observations: Observations) -> Array:
+    """The largest of each channel, for all of its readings, (M,): what no variant has, beyond the last threshold."""
+    most = np.zeros(len(observations.channels))
+    np.maximum.at(most, observations.channel, sizes)
+    return np.asarray(most[observations.channel])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

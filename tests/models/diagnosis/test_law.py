@@ -114,6 +114,15 @@ def test_a_reading_near_a_threshold_is_free_to_lie_on_either_side() -> None:
     assert Laws.none().directions(step, 1.0) is None
 
 
+def test_beyond_the_last_threshold_that_is_tried_readings_are_as_free() -> None:
+    heatsink_C = np.linspace(35.0, 44.0, 10)
+    state = State(value={"T_heatsink_C": heatsink_C}, sigma={"T_heatsink_C": np.zeros(10)})
+    slope = np.where(heatsink_C > 40.0, 1.0, 0.0)
+    alone = Signature(entry=effect("fan_step"), other={"threshold_C": 40.0}, slope=slope)
+    ((_, columns),) = law_columns([alone], loads(np.linspace(300.0, 1500.0, 10)), state)
+    np.testing.assert_array_equal(np.flatnonzero(np.any(columns == 1.0, axis=0)), [4, 5, 6])
+
+
 def test_where_nobody_read_the_temperature_more_readings_are_free_and_each_by_its_odds() -> None:
     observations = loads(np.linspace(300.0, 1500.0, 10))
     state = State(
