@@ -39,7 +39,7 @@ _DOUBT = 2.0  # Assumption: differences between hills may be off by twice what t
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RivalHills:
-    """Points (K,) that may be the highest: where they are (K, 3), the model's efficiency and its covariance.
+    """Points (K,) in the order of their loads: where they are (K, 3), the model's efficiency and its covariance.
 
     ``load`` (K,) numbers the load of each; ``noise`` is the standard deviation of a reading of efficiency.
     """
@@ -100,9 +100,8 @@ class RivalHills:
 
     def _worst(self, value: Array) -> Array:
         """The largest of (K, ...) at each load that has one, (L, ...)."""
-        order = np.argsort(self.load, kind="stable")
-        first = np.unique(self.load[order], return_index=True)[1]
-        return np.asarray(np.maximum.reduceat(value[order], first, axis=0)) if order.size else value
+        first = np.unique(self.load, return_index=True)[1]
+        return np.asarray(np.maximum.reduceat(value, first, axis=0)) if first.size else value
 
 
 def _distinct(hills: Hills) -> NDArray[np.bool_]:
@@ -115,11 +114,11 @@ def _distinct(hills: Hills) -> NDArray[np.bool_]:
 
 
 def _around(hills: Hills, loads_W: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Every top and the points around it, (K, 3), and the number of their load, (K,)."""
+    """Every top and the points around it, (K, 3), and the number of their load, (K,), in the order of the loads."""
     load, number = np.nonzero(_distinct(hills))
     tops = np.stack([hills.D1[load, number], hills.D2[load, number]], axis=1)
-    at = np.clip(tops + _STEP * _STEPS[:, None], 0.0, 1.0).reshape(-1, 2)
-    load = np.tile(load, len(_STEPS))
+    at = np.clip(tops[:, None] + _STEP * _STEPS, 0.0, 1.0).reshape(-1, 2)
+    load = np.repeat(load, len(_STEPS))
     return np.column_stack([at, loads_W[load]]), load
 
 
