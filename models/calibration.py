@@ -22,13 +22,15 @@ from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.law_doubts import COLUMNS, law_doubts
+from sim.effects.catalogue import effect
 from sim.model import Model
 from sim.simulate import Result, simulate_each
 
 Array = NDArray[np.float64]
 
 _IN_TIME = ("warm_up_drift", "ambient_drift")  # causes that go with time, by a law that is roughly known
-_DRIFT, _TIME_LENGTH = 0.05, 0.2  # how far off that law may be, of the loss; over which share of the campaign
+_NAMED = (0.05, 0.2)  # how far off that law may be, of the loss; over which share of the campaign
+_EVERYDAY = (effect("warm_up_drift").headline.tolerance, 1.0)  # what every bench creeps by, slowly
 _INDUCTANCE = 2e-3  # relative: how well the edge is known when all other readings are fitted
 _ASIDE = 1e-3  # relative: from the inductance to those that tell its slope
 _SMOOTH = 5e-4  # of the rated power: a reading's bend over them; where it bends more, an edge passes another
@@ -125,13 +127,14 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) ->
     observations = refinery.observations
     p = observations.points
     time_s = np.asarray(p.time_s, dtype=np.float64)
+    drift, share = _NAMED if set(_IN_TIME) & set(fit.effects) else _EVERYDAY
     readings = _Readings.of(refinery, sigma, edge)
     empty = Leftover(
         place=np.empty((0, PLAIN + COLUMNS)),
         weight=np.empty(0),
         noise_W=np.empty(0),
-        length=np.append(length_scale(observations), max(_TIME_LENGTH * float(np.ptp(time_s)), 1.0)),
-        drift=_DRIFT if set(_IN_TIME) & set(fit.effects) else 0.0,
+        length=np.append(length_scale(observations), max(share * float(np.ptp(time_s)), 1.0)),
+        drift=drift,
         doubt=refinery.known.doubt,
     ).of(refinery.baseline.converter)
     model = refinery.model(fit, refinery.spreads(fit))

@@ -21,9 +21,12 @@ class DutyOffset(Effect):
     """D1 as applied differs from D1 as set."""
 
     def set_points(self, points: Points, values: Values) -> Points:
-        """D1 moved, kept in [0, 1]."""
+        """D1 moved, kept in [0, 1]; a D1 of 1 has no edge that could be off."""
         offset = self.value(values)
-        return points if offset == 0.0 else replace(points, D1=np.clip(points.D1 + offset, 0.0, 1.0))
+        if offset == 0.0:
+            return points
+        D1 = np.asarray(points.D1)
+        return replace(points, D1=np.where(D1 < 1.0, np.clip(D1 + offset, 0.0, 1.0), D1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,9 @@ from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import noise_free_efficiency, schedule, survey
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
+from sim.effects.catalogue import effect
 from sim.model import Model
+from sim.simulate import Points, simulate
 from tests.models.diagnosis.virtual_campaign import set_points, simulated_campaign
 
 
@@ -40,3 +42,18 @@ def test_a_drift_is_followed_where_its_law_is_another() -> None:
     bias = np.nanmean(found.calibrated.predict(D1, D2, power_W) - now)
     # a straight line through a saturating course ends 0.1 points below it; what is left is the last rows' noise
     assert abs(bias) < 3e-4
+
+
+def test_an_everyday_creep_is_followed_though_it_is_no_cause() -> None:
+    end = 1.5 * effect("warm_up_drift").headline.tolerance
+    truth = Model.baseline().with_effect("warm_up_drift", relative_loss_at_end=end)
+    found = diagnose(load_measurements(simulated_campaign(truth, seed=4, count=40)))
+    assert found.verdict.kind == "consistent"
+    D1, D2, power_W = set_points(80, seed=5)  # not the points that were fitted
+    now = Points(D1=D1, D2=D2, power_W=power_W, time_s=found.calibrated.time_s)
+    baseline, wanted = (simulate(m, now)["efficiency"] for m in (Model.baseline(), truth))
+    before, after = (
+        np.nanmean(np.abs(said - wanted)) for said in (baseline, found.calibrated.predict(D1, D2, power_W))
+    )
+    # without noise; a model that knew no time would stand at the middle of the campaign, a half off
+    assert after < 0.2 * before

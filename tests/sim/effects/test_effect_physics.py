@@ -93,6 +93,12 @@ def test_a_duty_offset_is_another_duty() -> None:
     np.testing.assert_allclose(after["P1_W"], simulate(Model.baseline(), moved)["P1_W"], atol=1e-3)
 
 
+def test_a_duty_of_one_has_no_edge_that_could_be_off() -> None:
+    full = Points(D1=1.0, D2=0.1, power_W=1000.0)
+    off = simulate(Model.baseline().with_effect("duty_offset", offset=-1e-4), full)
+    assert off["P1_W"] == simulate(Model.baseline(), full)["P1_W"]
+
+
 def test_a_hotter_heatsink_has_its_resistance() -> None:
     _, after = pair("thermal_resistance", relative_error=0.5)
     losses = [f"loss_primary_{d}_{k}_W" for d in ("outer", "inner") for k in ("conduction", "switching")]
