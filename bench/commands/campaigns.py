@@ -25,7 +25,12 @@ from models.other_names import OtherName, OtherNameError
 app = typer.Typer()
 
 CampaignId = Annotated[int, typer.Argument(metavar="CAMPAIGN_ID", min=1, help="as listed by d2ea runs")]
-Maybe = Annotated[int | None, typer.Argument(metavar="[CAMPAIGN_ID]", help="else the newest that is running")]
+Running = Annotated[
+    int | None, typer.Argument(metavar="[CAMPAIGN_ID]", help="else the newest that is running")
+]
+Stored = Annotated[
+    int | None, typer.Argument(metavar="[CAMPAIGN_ID]", help="else the newest, running or not")
+]
 
 
 @app.command()
@@ -43,7 +48,7 @@ def runs(db: Database = None) -> None:
 
 
 @app.command()
-def status(campaign_id: Maybe = None, db: Database = None) -> None:
+def status(campaign_id: Stored = None, db: Database = None) -> None:
     """Where a campaign stands: the newest, or the one named."""
     with Store(database_url(db)) as store:
         rows = {row["id"]: row for row in store.campaigns()}
@@ -106,13 +111,13 @@ def said_bench(bench: BenchRow) -> str:
 
 
 @app.command()
-def pause(campaign_id: Maybe = None, db: Database = None) -> None:
+def pause(campaign_id: Running = None, db: Database = None) -> None:
     """Let a running campaign finish its point, then switch the bench off and wait."""
     _ask("pause", campaign_id, db, "it pauses after the point it is at")
 
 
 @app.command()
-def abort(campaign_id: Maybe = None, db: Database = None) -> None:
+def abort(campaign_id: Running = None, db: Database = None) -> None:
     """End a running campaign; it switches the bench off."""
     _ask("abort", campaign_id, db, "it switches the bench off and ends")
 

@@ -65,6 +65,18 @@ def test_help_keeps_what_a_verb_says_of_itself(capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize(
+    ("verb", "said"),
+    [("status", "else the newest, running or not"), ("pause", "else the newest that is running")],
+)
+def test_help_says_which_campaign_is_meant_where_none_is_named(
+    verb: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert d2ea(verb, "--help") == 0
+    words = [word for word in capsys.readouterr().out.split() if word not in "│"]  # the frame of the table
+    assert said in " ".join(words)
+
+
+@pytest.mark.parametrize(
     "command",
     [
         ("diagnose", "theirs.csv", "--out"),
