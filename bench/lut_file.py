@@ -224,9 +224,12 @@ def _problems(path: Path, rows: pd.DataFrame) -> list[Problem]:
     wrong = []
     if not 2 <= len(rows) <= TABLE_ROWS:
         wrong.append(problem("rows", len(rows), f"a controller takes 2 to {TABLE_ROWS}"))
-    for name, (low, high) in {"P_W": (0.0, math.inf), "D1": (0.0, 1.0), "D2": (0.0, 1.0)}.items():
+    for name in ROW:
         values = pd.to_numeric(rows[name], errors="coerce")
-        for number in rows.index[~(values.between(low, high) & (values < math.inf))]:
+        right = (
+            values.between(0.0, math.inf, inclusive="neither") if name == "P_W" else values.between(0.0, 1.0)
+        )
+        for number in rows.index[~right]:
             allowed = "above 0" if name == "P_W" else "from 0 to 1"
             wrong.append(
                 problem(f"row {number + 1}, {name}", rows[name].tolist()[number], f"a number {allowed}")

@@ -126,6 +126,8 @@ def test_firmware_interpolates_as_the_table_says(tmp_path: Path, standard: str) 
         ("D1,D2\n0.5,0.1\n", "columns: P_W missing; there are: D1, D2"),
         ("P_W,D1,D2\n200,0.5,0.1\n", "rows = 1: a controller takes 2 to 64"),
         ("P_W,D1,D2\n200,0.5,0.1\n300,1.5,x\n", "row 2, D1 = 1.5: a number from 0 to 1"),
+        ("P_W,D1,D2\n0,0.5,0.1\n200,0.5,0.1\n", "row 1, P_W = 0: a number above 0"),
+        ("P_W,D1,D2\n200,0.5,0.1\ninf,0.5,0.1\n", "row 2, P_W = inf: a number above 0"),
         ("P_W,D1,D2\n300,0.5,0.1\n200,0.5,0.1\n", "powers must rise"),
         ("P_W,D1,D2\n300,0.5,0.1\n300,0.5,0.1\n", "powers must rise"),
     ],
