@@ -17,7 +17,7 @@ import pandas as pd
 from bench.converter_stated import in_c, stated_converter
 from bench.errors import InputError, Problem
 from bench.table_file import write_table
-from bench.toml_file import write_atomically
+from bench.whole_file import write_whole
 from drivers.controller_messages import TABLE_ROWS
 from models.lut import Lut
 from models.registry import ModelRecord
@@ -75,9 +75,9 @@ def write_lut(table: Lut, path: Path, origin: LutOrigin) -> None:
     if path.suffix == ".csv":
         write_table(table.frame().assign(**{name: getattr(origin, name) for name in STATED}), path)
     elif path.suffix == ".json":
-        write_atomically(path, json.dumps(as_plain(table, origin), indent=2, allow_nan=False) + "\n")
+        write_whole(path, json.dumps(as_plain(table, origin), indent=2, allow_nan=False) + "\n")
     else:
-        write_atomically(path, _header(table, origin))
+        write_whole(path, _header(table, origin))
 
 
 def write_beside(folder: Path, table: Lut, origin: LutOrigin) -> tuple[Path, ...]:

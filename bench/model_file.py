@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from bench.errors import BenchError, InputError, Problem
-from bench.toml_file import line_of, read_toml, to_toml, write_atomically
+from bench.toml_file import line_of, read_toml, to_toml
+from bench.whole_file import write_whole
 from models.registry import ModelRecord
 from sim.converter_data import ConverterDataError, converter_from_plain, converter_to_plain
 from sim.model import Model
@@ -76,7 +77,7 @@ def _flat(plain: Mapping[str, object], before: str = "") -> dict[str, object]:
 
 def write_model(path: Path, model: Model) -> None:
     """Write a model; :func:`read_model` gives it back."""
-    write_atomically(path, to_toml(model.as_plain()))
+    write_whole(path, to_toml(model.as_plain()))
 
 
 def _converter(

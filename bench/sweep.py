@@ -24,6 +24,7 @@ import pyarrow.parquet as pq
 
 from bench.errors import InputError
 from bench.table_file import check_ending
+from bench.whole_file import replacing, write_whole
 from bench.workers import Workers, on_dask, on_processes
 from sim.model import Model
 from sim.space import Columns, Space, solve_rows
@@ -142,7 +143,8 @@ def run_sweep(sweep: Sweep, workers: Workers, watch: Watch) -> Swept:
     done = min(resumed * sweep.chunk_rows, len(sweep.inputs))
     watch(done, len(sweep.inputs))
     for k, content in _solved(sweep, missing, workers):
-        _write(sweep.part(k), content)
+        with replacing(sweep.part(k)) as file:
+            file.write_bytes(content)
         done += min(sweep.chunk_rows, len(sweep.inputs) - k * sweep.chunk_rows)
         watch(min(done, len(sweep.inputs)), len(sweep.inputs))
     return _put_together(sweep, resumed)
@@ -164,7 +166,7 @@ def _claim(sweep: Sweep) -> None:
     job, identity = sweep.folder / _JOB, sweep.identity()
     if not job.exists():
         sweep.folder.mkdir(parents=True, exist_ok=True)
-        _write(job, json.dumps(identity, indent=1).encode())
+        write_whole(job, json.dumps(identity, indent=1))
         return
     found = json.loads(job.read_text(encoding="utf-8"))
     differs = [key for key in identity if found.get(key) != identity[key]]
@@ -226,13 +228,6 @@ class _Output:
     def __exit__(self, *_: object) -> None:
         if self._writer is not None:
             self._writer.close()
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file in one step: it is there whole, or not at all."""
-    beside = path.with_name(path.name + ".new")
-    beside.write_bytes(content)
-    os.replace(beside, path)
 
 
 def _simulator_hash() -> str:

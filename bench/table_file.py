@@ -1,12 +1,11 @@
 """Tables of numbers as files: CSV or Parquet, by the file's ending."""
 
 import hashlib
-import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.errors import InputError
+from bench.whole_file import replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,19 +22,11 @@ def check_ending(path: Path, option: str = "--out") -> None:
 def write_table(table: "pd.DataFrame", path: Path) -> None:
     """Write ``table`` in one step; a number read back is the number written."""
     check_ending(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=path.suffix)
-    os.close(handle)
-    try:
+    with replacing(path) as file:
         if path.suffix == ".csv":
-            table.to_csv(name, index=False)
+            table.to_csv(file, index=False)
         else:
-            table.to_parquet(name, index=False)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+            table.to_parquet(file, index=False)
 
 
 def file_hash(path: Path) -> str:

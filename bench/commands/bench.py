@@ -27,7 +27,8 @@ from bench.leftovers import switch_off_leftovers
 from bench.spy import FileSpy, file_spy
 from bench.states import STOPPED
 from bench.store import BenchRow, BenchState, Row, Store, database_url
-from bench.toml_file import read_toml, to_toml, write_atomically
+from bench.toml_file import read_toml, to_toml
+from bench.whole_file import write_whole
 from drivers.clock import WallClock
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def mock(
         beat_s = max(HEARTBEAT_S, LEAST_BEAT_S * speed)
         with Rack(plant, speed=speed, heartbeat_s=beat_s, faults=faults) as rack:
             text = to_toml(rack.bench_config())
-            write_atomically(out_file, text)
+            write_whole(out_file, text)
             try:
                 stamp(virtual=True)
                 out.print(f"listening; {escape(str(out_file))} tells where. Ctrl-C ends it.")

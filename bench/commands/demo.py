@@ -14,7 +14,7 @@ from bench.commands.live import live
 from bench.commands.options import check_folder
 from bench.commands.streams import err, out, stamp
 from bench.hidden import parse_hidden
-from bench.toml_file import write_atomically
+from bench.whole_file import write_whole
 from bench.wording import MODEL_NAMES, verdict_text
 
 app = typer.Typer()
@@ -47,7 +47,7 @@ def demo(
     with live() as progress:
         result = run_demo(plan, say=lambda said: err.print(escape(said)), progress=progress)
     summary = summary_of(result)
-    write_atomically(out_dir / "summary.json", json.dumps(summary, indent=1, allow_nan=False, default=float))
+    write_whole(out_dir / "summary.json", json.dumps(summary, indent=1, allow_nan=False, default=float))
     _write_report(out_dir, result, summary, figures=figures)
     _tell(summary, out_dir)
 

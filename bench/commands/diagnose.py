@@ -21,7 +21,7 @@ from bench.model_file import model_from, write_model
 from bench.report import first_questions
 from bench.so_far import measured_so_far, so_far_text
 from bench.table_file import write_table
-from bench.toml_file import write_atomically
+from bench.whole_file import write_whole
 from bench.wording import (
     action_text,
     counted,
@@ -102,7 +102,7 @@ def diagnose(
     plain = found.as_plain(str(out_dir / "model.toml")) | _before(campaign_id, db)
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
-        write_atomically(path, text)
+        write_whole(path, text)
     residuals = found.residual_table()
     residuals.insert(0, "row", table.rows)
     write_table(residuals, out_dir / "residuals.csv")

@@ -10,6 +10,7 @@ from bench.commands.options import D1, D2, ModelFile, Power, point_problems
 from bench.commands.streams import out
 from bench.errors import InputError, Problem
 from bench.model_file import model_from
+from bench.whole_file import write_whole
 from sim.netlist import netlist
 from sim.operating_points import Points
 
@@ -30,8 +31,7 @@ def netlist_(
     _check(D1=D1, D2=D2, power_W=power_W, out_file=out_file)
     model = model_from(model_file)
     text = netlist(model, Points(D1=D1, D2=D2, power_W=power_W))
-    out_file.parent.mkdir(parents=True, exist_ok=True)
-    out_file.write_text(text, encoding="utf-8")
+    write_whole(out_file, text)
     out.print(escape(f"{text.splitlines()[0].removeprefix('* ')}, written to {out_file}"))
 
 

@@ -6,7 +6,8 @@ import pytest
 
 from bench.config import BenchConfig, check, config_hash, read_bench, read_campaign
 from bench.errors import InputError
-from bench.toml_file import line_of, read_toml, to_toml, write_atomically
+from bench.toml_file import line_of, read_toml, to_toml
+from bench.whole_file import write_whole
 from tests.bench.fake_bench import BENCH, CAMPAIGN, bench_config, campaign_config
 
 
@@ -75,7 +76,7 @@ def test_files_named_in_a_file_are_beside_it(tmp_path: Path) -> None:
 
 def test_toml_written_reads_back_the_same(tmp_path: Path) -> None:
     data = {**CAMPAIGN, "odd key": 'quote " and \\', "flag": True, "tiny": 1e-12, "list": [1, 2.5, "ä"]}
-    write_atomically(tmp_path / "x.toml", to_toml(data))
+    write_whole(tmp_path / "x.toml", to_toml(data))
     assert read_toml(tmp_path / "x.toml") == data
     assert [path.name for path in tmp_path.iterdir()] == ["x.toml"]
 

@@ -1,0 +1,33 @@
+"""Files appear whole: the old one stays until the new one is there, and an error leaves nothing behind."""
+
+from pathlib import Path
+
+import pytest
+
+from bench.whole_file import replacing, write_whole
+
+
+def test_a_reader_sees_the_old_file_until_the_new_one_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "made" / "x.txt"
+    write_whole(path, "old")
+    with replacing(path) as file:
+        file.write_text("half")
+        assert path.read_text() == "old"
+    assert path.read_text() == "half"
+    assert path.stat().st_mode & 0o777 == 0o644
+    assert list(path.parent.iterdir()) == [path]
+
+
+def half_written(path: Path) -> None:
+    with replacing(path) as file:
+        file.write_text("half")
+        raise OSError("no space left")
+
+
+def test_an_error_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "x.txt"
+    write_whole(path, "old")
+    with pytest.raises(OSError, match="no space left"):
+        half_written(path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
