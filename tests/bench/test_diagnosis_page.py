@@ -197,6 +197,25 @@ def test_tables_say_what_stands_behind_them() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("differences", "kurtosis", "memory", "said"),
+    [
+        (100, 1.4, 0.29, "–"),
+        (100, 1.6, 0.0, "heavy tails"),
+        (100, 0.0, 0.41, "remembers: drift or slow settling"),
+        (100, 1.6, 0.39, "heavy tails"),  # a hundred differences reach 0.4 by chance
+        (16, 2.4, 1.1, "remembers: drift or slow settling"),  # sixteen reach a tail of 2.5 and a memory of 1
+        (0, 9.0, 0.9, "–"),
+    ],
+)
+def test_noise_is_unusual_only_beyond_what_chance_does(
+    differences: int, kurtosis: float, memory: float, said: str
+) -> None:
+    of = {"from_replicates": differences, "excess_kurtosis": kurtosis, "autocorrelation": memory}
+    noise = {"efficiency": ANSWER["noise"]["efficiency"] | of}
+    assert noise_rows({"noise": noise})[0][3] == said
+
+
 def test_a_row_that_was_not_used_is_a_ring(page: DiagnosisPage) -> None:
     residuals = page.residuals.copy()
     residuals.loc[4, "residual_P1_W"] = np.nan

@@ -13,6 +13,8 @@ def test_a_size_that_is_no_number_is_said_with_what_is_allowed() -> None:
 
 def test_hidden_effects_are_checked_all_at_once() -> None:
     assert parse_hidden(["link_resistance=0.05"]) == {"link_resistance": 0.05}
+    with pytest.raises(InputError, match="link_resistance=5"):  # Ohm: far beyond what the catalogue has
+        parse_hidden(["link_resistance=5"])
     with pytest.raises(InputError) as caught:
         parse_hidden(["link_resistanse", "link_resistance=lots"])
     assert len(caught.value.problems) == 2

@@ -3,7 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from bench.lut_on_bench import at_loads, verified
+from bench.lut_on_bench import at_loads, verification, verified
+from bench.plan import Kind
+from tests.bench.fake_bench import bench_config
 
 GAP = 0.016
 TABLE = pd.DataFrame(
@@ -27,6 +29,14 @@ def test_between_rows_a_table_is_a_straight_line() -> None:
     D1, D2 = at_loads(TABLE, np.array([300.0, 500.0, 900.0]), GAP)
     np.testing.assert_allclose(D1, [0.8, 0.825, 0.9])
     np.testing.assert_allclose(D2, 0.1)
+
+
+def test_every_load_of_a_table_is_measured_and_one_between_each_two() -> None:
+    table = pd.DataFrame({"P_W": [400.0, 800.0, 1400.0], "D1": [0.8, 0.9, 0.94], "D2": [0.1, 0.1, 0.06]})
+    points = verification(table, bench_config(), name="verify").plan.points
+    loads = np.array([(row.power_W, row.D1, row.D2) for row in points if row.kind is Kind.LOAD])
+    wanted = [(400, 0.8, 0.1), (600, 0.85, 0.1), (800, 0.9, 0.1), (1100, 0.92, 0.08), (1400, 0.94, 0.06)]
+    np.testing.assert_allclose(loads, wanted)
 
 
 def test_a_controller_that_follows_and_a_measurement_inside() -> None:

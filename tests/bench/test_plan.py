@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.errors import InputError
-from bench.plan import Kind, Plan, make_plan
+from bench.plan import Kind, Plan, make_plan, spread_out
 from bench.prediction import Asked, Forecast
 from tests.bench.fake_bench import bench_config, campaign_config, predict
 
@@ -100,6 +100,18 @@ def test_a_csv_without_a_column_is_refused(tmp_path: Path) -> None:
         InputError, match="D2: column is missing; required are D1, D2, P_set_W; found: D1, P_set_W"
     ):
         plan(kind="points", points=None, file=path)
+
+
+def test_far_from_each_other_goes_by_each_columns_own_range() -> None:
+    middle, ends = (
+        (0.65, 0.3, 1100.0),
+        [(1.0, 0.3, 1100.0), (0.3, 0.3, 1100.0), (0.65, 0.3, 2000.0), (0.65, 0.3, 200.0)],
+    )
+    between = [(0.65, 0.3, 1400.0), (0.65, 0.3, 800.0)]  # 300 W away, a sixth of the range of power
+    pool = np.array([*between, middle, *ends])
+    chosen = spread_out(pool, 5)
+    assert tuple(pool[chosen[0]]) == middle
+    assert {tuple(pool[k]) for k in chosen[1:]} == set(ends)
 
 
 def test_ranges_that_hold_next_to_nothing_feasible_are_refused() -> None:

@@ -75,6 +75,11 @@ def test_powers_fall_along_the_chain() -> None:
     assert input_W(state) > state.link1_W > state.link2_W > 800.0
 
 
+def test_nothing_flows_through_a_bridge_that_rests() -> None:
+    resting = powered().state()
+    assert (resting.link1_W, resting.link2_W, resting.link_rms_A) == (0.0, 0.0, 0.0)
+
+
 def test_it_warms_up_and_settles() -> None:
     plant, heatsink_C = running(), []
     for _ in range(6):
