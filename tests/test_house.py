@@ -15,7 +15,7 @@ from typer.main import get_command
 from bench.cli import build
 from bench.config import CampaignConfig, check
 from bench.store import COLUMNS
-from bench.wording import MODEL_NAMES, VERDICTS
+from bench.wording import MODEL_NAMES, VERDICTS, effect_name
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
 from models.lut import Lut
@@ -64,7 +64,7 @@ def effect_rows() -> Iterator[Row]:
     for name, entry in CATALOGUE.items():
         head = entry.headline
         also = ", ".join(f"{p.name} ({p.unit})" for p in entry.parameters[1:]) or "–"
-        yield name, entry.stage, head.name, head.unit, f"{head.off:g}", also
+        yield name, effect_name(name), entry.stage, head.name, head.unit, f"{head.off:g}", also
 
 
 def test_effects_are_those_of_the_catalogue() -> None:
