@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, fields
+from functools import partial
 from typing import Protocol, TypeVar
 
 from bench.config import BenchConfig, DcDeviceConfig
@@ -95,6 +96,33 @@ def inspect_bench(config: BenchConfig, clock: Clock) -> Inspection:
     with ExitStack() as stack:
         _inspect(config, open_all(config, clock, inspection, stack), inspection)
     return inspection
+
+
+def acknowledge_alarms(config: BenchConfig, clock: Clock) -> list[str]:
+    """Clear the alarms that stand in the supply and the load, where their causes are gone; which those were.
+
+    Either is off afterwards where it had one. What could not be reached or cleared, an inspection tells. Raises
+    BenchTaken while somebody has the bench.
+    """
+    cleared: list[str] = []
+    unreached = Inspection()
+    with ports_of_bench(config), ExitStack() as stack:
+        for name, instrument in open_all(config, clock, unreached, stack).items():
+            if isinstance(instrument, DcDevice) and unreached.attempt(name, instrument.identify) is not None:
+                alarms = unreached.attempt(name, partial(_acknowledge, instrument)) or ()
+                cleared += [f"{name} {alarm}" for alarm in alarms]
+    return cleared
+
+
+def _acknowledge(device: DcDevice) -> tuple[str, ...]:
+    """The alarms that stood and are cleared; InstrumentTripped when one still stands."""
+    if alarms := device.state().alarms:
+        device.take_remote()
+        try:
+            device.acknowledge()
+        finally:
+            device.release()
+    return alarms
 
 
 def open_all(

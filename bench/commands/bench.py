@@ -18,7 +18,7 @@ from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
 from bench.config import BenchConfig, CampaignConfig, read_bench, read_campaign
 from bench.config import check as check_settings
-from bench.connect import inspect_bench
+from bench.connect import acknowledge_alarms, inspect_bench
 from bench.errors import Aborted, BenchUnsafe, InputError, StateError
 from bench.hidden import parse_hidden
 from bench.instruments import open_bench
@@ -117,10 +117,17 @@ def _remove_own(path: Path, text: str) -> None:
 
 
 @app.command()
-def check(bench_file: BenchFile) -> None:
+def check(
+    bench_file: BenchFile,
+    acknowledge: Annotated[
+        bool, typer.Option("--acknowledge", help="first clear alarms of supply and load whose cause is gone")
+    ] = False,
+) -> None:
     """Connect to all instruments, identify them, compare limits; list every fault."""
     config = read_bench(bench_file)
     stamp(config.virtual)
+    for alarm in acknowledge_alarms(config, WallClock(config.speed)) if acknowledge else ():
+        out.print(escape(f"acknowledged: {alarm}"))
     found = inspect_bench(config, WallClock(config.speed))
     for name, identity in found.identities.items():
         out.print(escape(f"{name}: {identity} {identity.serial} {identity.firmware}".rstrip()))

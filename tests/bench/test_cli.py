@@ -17,7 +17,10 @@ from bench.job import Job
 from bench.process import Owner
 from bench.store import Provenance, Store, database_url
 from bench.toml_file import read_toml, to_toml
+from drivers.clock import StepClock
 from drivers.errors import LinkTimeout
+from drivers.mocks.plant import Plant
+from drivers.mocks.rack import Rack
 from tests.bench.command_line import d2ea
 from tests.bench.fake_bench import BENCH, CAMPAIGN, FakeInstruments, bench_config, campaign_config, predict
 
@@ -341,6 +344,18 @@ def test_mock_listens_until_it_is_ended_and_takes_its_file_away() -> None:
         rack.send_signal(signal.SIGTERM)
         assert rack.wait(timeout=20) == 0
     assert not Path("rack.toml").exists()
+
+
+def test_an_alarm_keeps_a_bench_from_use_until_an_operator_acknowledges_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with Rack(Plant.virtual(seed=3, hidden={}, clock=StepClock())) as rack:
+        Path("rack.toml").write_text(to_toml(rack.bench_config()))
+        rack.supply.trip("OVP")
+        assert d2ea("check", "rack.toml") == 1
+        assert "supply: alarm OVP stands" in capsys.readouterr().err
+        assert d2ea("check", "rack.toml", "--acknowledge") == 0
+    assert "acknowledged: supply OVP" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ import pytest
 
 from bench.campaign import CampaignOutcome, Job, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
-from bench.connect import inspect_bench
+from bench.connect import acknowledge_alarms, inspect_bench
 from bench.errors import BenchTaken, CampaignStopped
+from bench.lock import ports_of_bench
 from bench.progress import Progress
 from bench.store import Store
 from drivers.clock import StepClock
@@ -111,6 +112,23 @@ def test_a_check_lists_every_fault_at_once() -> None:
     assert [fault.split(":")[0] for fault in found.faults] == ["analyzer", "supply", "load"]
     assert "no such port" in found.faults[0]
     assert "power_W = 1e+06 is needed" in found.faults[2]
+
+
+def test_alarms_whose_cause_is_gone_are_acknowledged_and_the_others_stand() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        rack.supply.trip("OVP")
+        rack.load.trip("OT", lasting=True)
+        assert inspect_bench(config(rack), plant.clock).faults == [
+            "supply: alarm OVP stands",
+            "load: alarm OT stands",
+        ]
+        assert acknowledge_alarms(config(rack), plant.clock) == ["supply OVP"]
+        assert inspect_bench(config(rack), plant.clock).faults == ["load: alarm OT stands"]
+        assert not rack.supply.remote
+        with ports_of_bench(config(rack)), pytest.raises(BenchTaken):
+            acknowledge_alarms(config(rack), plant.clock)
+    assert is_off(plant)
 
 
 def test_a_bench_in_use_is_said_and_left_alone() -> None:
