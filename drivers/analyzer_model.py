@@ -88,14 +88,6 @@ class AnalyzerModel(_Table):
         """The ranges that exist, in V or A."""
         return self.voltage_ranges_V if quantity == "U" else self.current_ranges_A
 
-    def range_for(self, quantity: Ranged, value: float) -> float:
-        """The smallest range, in V or A, that holds ``value``; ``LimitError`` when none does."""
-        for step in self.steps(quantity):
-            if abs(value) <= step:
-                return step
-        steps = _listed(self.steps(quantity))
-        raise LimitError(f"no range of the {self.name} holds {quantity} = {value:g}: there are {steps}")
-
     def range_command(self, quantity: Quantity) -> RangeCommand:
         """How the range of a quantity is set; power has none of its own."""
         if quantity == "P":

@@ -244,13 +244,6 @@ def test_accuracy_at_dc_is_that_of_reading_and_range() -> None:
         WT3000.error_limit("U", "ac", 300.0, 300.0)
 
 
-def test_the_smallest_range_that_holds_a_value() -> None:
-    assert WT3000.range_for("U", 280.0) == 300.0
-    assert WT3000.range_for("I", -10.0) == 10.0
-    with pytest.raises(LimitError):
-        WT3000.range_for("I", 31.0)
-
-
 # --- against the mock, over a pseudo-terminal ------------------------------------------------------
 
 
