@@ -1,6 +1,7 @@
 """Verbs on the best modulation over load: optimise, and lut load, verify, trace."""
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -30,10 +31,10 @@ from bench.wording import per_cent, points_text
 from drivers.clock import WallClock
 from models.calibrated import Vouched, vouched
 from models.journal import Journal
-from models.lut import Lut, edge_gap_of
+from models.lut import Line, Lut, Surroundings, check_lines, edge_gap_of
 from models.optimise import OptimumTable
 from models.registry import ModelRecord, Registry, RegistryError
-from models.surrogate import CALIBRATED, D2EA
+from models.surrogate import CALIBRATED, D2EA, SimulatorStage
 
 app = typer.Typer()
 lut_app = typer.Typer(
@@ -108,11 +109,22 @@ def _tell(lut: Lut, optimum: OptimumTable) -> None:
     if lut.left_out_W:
         left_out = len(lut.left_out_W)
         out.print(f"{left_out} of {len(optimum.power_W)} loads cannot be carried at all and are left out")
-    for line in lut.unsound:
-        err.print(f"[bold yellow]between rows:[/] {escape(str(line))}")
+    tell_unsound(lut.lines)
     if not lut.unsound:
         out.print(
             "between the rows: every point carries its power, soft edges stay soft, no dip of efficiency"
+        )
+
+
+def tell_unsound(lines: Iterable[Line]) -> None:
+    """Which lines between rows are not sound, and what to do where the converter may trip on one."""
+    unsound = [line for line in lines if not line.sound]
+    for line in unsound:
+        err.print(f"[bold yellow]between rows:[/] {escape(str(line))}")
+    if any(line.zero_state_appears or not line.carries for line in unsound):
+        err.print(
+            "a controller that follows the table may trip there: d2ea optimise --powers LOW:HIGH:STEP makes one of "
+            "the loads on one side of it"
         )
 
 
@@ -157,7 +169,10 @@ def load(file: LutFile, bench_file: BenchFile) -> None:
 
 
 def _for_this_bench(file: Path, bench_file: Path) -> tuple[pd.DataFrame, BenchConfig]:
-    """A table and the bench that it is for; says so where the table does not tell, InputError where it is another's."""
+    """A table and the bench that it is for; InputError where it is another's.
+
+    Says where the table does not tell, and between which rows the simulated converter of the bench is worse off.
+    """
     table, config = read_lut(file), read_bench(bench_file)
     model = model_of(config.converter)
     if (stated := converter_of(file)) is None:
@@ -167,6 +182,8 @@ def _for_this_bench(file: Path, bench_file: Path) -> tuple[pd.DataFrame, BenchCo
         )
     else:
         check_same_converter(file, stated, config.name, model)
+    around = Surroundings(model=SimulatorStage(efficiency_of(model)), simulator=model)
+    tell_unsound(check_lines(table, around))
     return table, config
 
 

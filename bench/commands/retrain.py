@@ -7,6 +7,7 @@ import typer
 from rich.markup import escape
 
 from bench.commands.bench import on_signals
+from bench.commands.lut import tell_unsound
 from bench.commands.models import now
 from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
 from bench.commands.streams import err, out, stamp
@@ -88,8 +89,8 @@ def _settle(store: Store, data: TrainingData, retraining: Retraining, simulator:
     note_in_store(store, data, retraining)
     for file in retraining.files:
         out.print(escape(f"table: {file}"))
-    for line in retraining.lut.unsound if retraining.lut else ():
-        err.print(f"[bold yellow]between rows:[/] {escape(str(line))}")
+    if retraining.lut is not None:
+        tell_unsound(retraining.lut.lines)
     if simulator is not None and retraining.decision is not None:
         _diagnose(store, data, simulator)
 

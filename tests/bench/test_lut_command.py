@@ -48,6 +48,23 @@ def test_what_the_bench_names_decides(capsys: pytest.CaptureFixture[str]) -> Non
     assert "converter" not in capsys.readouterr().err
 
 
+def test_a_line_on_which_the_converter_may_trip_is_said_before_the_table_is_loaded(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = table_and_bench(stated_converter(Model.baseline()))
+    assert d2ea("lut", "load", *arguments) == 1  # taken: no controller is there
+    assert "between rows" not in capsys.readouterr().err
+    # the zero state goes on the way from D1 = 0.9 to 1, and no D1 carries 1600 W where D2 = 0.9
+    rows = "".join(f"{P},{D1},{D2}\n" for P, D1, D2 in ((400, 0.9, 0.1), (800, 1.0, 0.1), (1600, 1.0, 0.9)))
+    Path("lut.csv").write_text(f"P_W,D1,D2\n{rows}")
+    assert d2ea("lut", "load", *arguments) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "between rows: 400 to 800 W" in said
+    assert "a zero state as short as the dead time" in said
+    assert "between rows: 800 to 1600 W: power is not carried" in said
+    assert "may trip there: d2ea optimise --powers" in said
+
+
 def test_a_table_that_names_no_converter_asks_to_make_sure(capsys: pytest.CaptureFixture[str]) -> None:
     assert d2ea("lut", "load", *table_and_bench()) == 1  # taken: no controller is there
     assert "does not say which converter it is for" in " ".join(capsys.readouterr().err.split())
