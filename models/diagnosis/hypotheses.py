@@ -28,8 +28,8 @@ from sim.effects.base import EffectParameter
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
-_SURELY = 1.64  # standard deviations of the fit: 95 %
+EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
+SURELY = 1.64  # standard deviations of the fit: 95 %
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
 
 
@@ -63,11 +63,16 @@ class Term:
         return abs(self.distance) / self.sigma
 
     @property
+    def acting(self) -> tuple[float, float, float]:
+        """Distance from off as it acts, its standard deviation, and what ordinary benches have of it, one sigma."""
+        acting, slope = self.head.acting(self.value)
+        return acting, slope * self.sigma, max(self.head.tolerance, self.signature.everyday)
+
+    @property
     def beyond_everyday(self) -> bool:
         """Whether it is surely further off than any ordinary bench has it."""
-        acting, slope = self.head.acting(self.value)
-        usual = max(self.head.tolerance, self.signature.everyday)
-        return abs(acting) > _EVERYDAY * usual + _SURELY * slope * self.sigma
+        acting, sigma, usual = self.acting
+        return abs(acting) > EVERYDAY * usual + SURELY * sigma
 
     @property
     def spread(self) -> float:

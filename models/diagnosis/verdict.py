@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.everyday import everyday_together
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.leftover import GAIN_IN_TIME
@@ -86,10 +87,9 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
     return float(np.sqrt(max(aa - ab**2 / bb if bb > 0 else aa, 0.0)))
 
 
-def _is_ordinary(hypothesis: Hypothesis, faint: bool) -> bool:
+def _is_ordinary(hypothesis: Hypothesis, faint: bool, whitener: Whitener) -> bool:
     """Whether it holds nothing that an ordinary bench has not; a ``faint`` leftover is that."""
-    everyday = not any(t.beyond_everyday for t in hypothesis.fit.terms)
-    return everyday and (faint or hypothesis.leftover is None)
+    return (faint or hypothesis.leftover is None) and everyday_together(hypothesis.fit.terms, whitener)
 
 
 def _is_faint(hypotheses: Sequence[Hypothesis], length: float) -> bool:
@@ -207,7 +207,7 @@ def judge(
     fits, alike = misfit <= _UNEXPLAINED, agreement > BY_CHANCE
     bare = [h for h in hypotheses if not h.fit.terms]
     faint = _is_faint(hypotheses, leftover)
-    ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint))
+    ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint, whitener))
     nameless = sum(h.probability for h in bare if h.leftover is not None and not faint)
     beside = sum(h.probability for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if fits else []

@@ -1,0 +1,71 @@
+r"""Whether what a hypothesis holds may be what ordinary benches have, its values taken together.
+
+Each value alone is everyday up to a line (:mod:`models.diagnosis.hypotheses`). Two causes that the readings hardly
+tell apart share one distance between them in any proportion, and halfway neither is beyond its line, though no ordinary
+bench has both. With w the values and C their covariance, in sigmas of ordinary benches, the nearest state that one
+may have is
+
+.. math:: \min_y\ (y - w)^T C^{-1} (y - w) \quad \text{where} \quad |y| \le 4.1 .
+
+One value alone gives the line.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.hypotheses import EVERYDAY, SURELY, Term
+from models.diagnosis.whitener import Whitener
+
+Array = NDArray[np.float64]
+
+# of 25 normal spreads some two, or some three, are further off in one bench of a thousand, as some one is of its line
+_FURTHEST = {1: EVERYDAY, 2: 5.0, 3: 5.7}
+_HALVINGS = 60  # of a bracket: to a double's own accuracy
+
+
+def everyday_together(terms: Sequence[Term], whitener: Whitener) -> bool:
+    """Whether the values of a hypothesis may be those of an ordinary bench; ``whitener`` is that of the readings."""
+    if any(term.beyond_everyday for term in terms):
+        return False
+    acting, sigma, usual = np.array([term.acting for term in terms]).reshape(-1, 3).T
+    if len(terms) < 2 or not np.all(usual * sigma > 0.0):
+        return True
+    if np.linalg.norm(acting / usual) <= _FURTHEST[len(terms)]:
+        return True  # as most are: what follows takes a look at all readings
+    covariance = np.outer(sigma, sigma) * _correlation(terms, whitener) / np.outer(usual, usual)
+    return nearest_everyday(acting / usual, covariance) <= SURELY
+
+
+def nearest_everyday(values: Array, covariance: Array) -> float:
+    """How many standard deviations values (k,) are from the nearest that are everyday; all in everyday sigmas.
+
+    >>> round(nearest_everyday(np.array([7.0, 0.0]), np.eye(2)), 6)
+    2.0
+    """
+    furthest = _FURTHEST[len(values)]
+    if np.linalg.norm(values) <= furthest:
+        return 0.0
+    stiff, axes = np.linalg.eigh(np.linalg.inv(covariance))
+    along = axes.T @ values
+
+    def length(pull: float) -> float:
+        return float(np.linalg.norm(stiff * along / (stiff + pull)))
+
+    low, high = 0.0, float(np.max(stiff))
+    while length(high) > furthest:
+        low, high = high, 4.0 * high
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if length(middle) > furthest else (low, middle)
+    return float(np.sqrt(np.sum(stiff * (along * high / (stiff + high)) ** 2)))
+
+
+def _correlation(terms: Sequence[Term], whitener: Whitener) -> Array:
+    """Of the values, as the readings and their priors leave them, (k, k)."""
+    slopes = np.stack([term.slope for term in terms])
+    told = slopes @ whitener.solve(slopes.T) + np.diag([term.head.prior**-2.0 for term in terms])
+    left = np.linalg.inv(told)
+    scale = np.sqrt(np.diag(left))
+    return np.asarray(left / np.outer(scale, scale))
