@@ -23,8 +23,9 @@ from drivers.mocks.faults import DATABASE, FaultFile, Struck
 from drivers.mocks.plant import Plant
 from drivers.mocks.rack import Rack
 
-AGAIN_S = 5.0  # real time that a mock instrument may be gone
-PATIENCE = {"timeout_s": 0.5, "lateness_s": 0.5}  # with what faults may silence; late ones say how late
+AGAIN_S = 8.0  # real time that a mock instrument may be gone
+# With what faults may silence: a sound mock on a busy machine takes longer than half a second. Late ones say how late.
+PATIENCE = {"timeout_s": 2.0, "lateness_s": 0.5}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
