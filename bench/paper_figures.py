@@ -99,9 +99,8 @@ def model_errors(data: ReportData) -> Figure | None:
         return None
     figure, axes = _one(ONE_COLUMN, 55 * MM)
     names, values = [MODEL_NAMES.get(n, n) for n in error], [100 * float(v) for v in error.values()]
-    axes.plot(
-        values, names, "o", color=OKABE_ITO["blue"], ms=5
-    )  # dots: a logarithmic axis has no zero for bars
+    # dots: a logarithmic axis has no zero for bars
+    axes.plot(values, names, "o", color=OKABE_ITO["blue"], ms=5)
     for name, value in zip(names, values, strict=True):
         axes.annotate(
             f"{value:.3g}", (value, name), xytext=(6, 0), textcoords="offset points", va="center", fontsize=7

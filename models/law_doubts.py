@@ -41,9 +41,8 @@ def law_doubts(result: Result, converter: Converter) -> Array:
     missing = np.stack([result[f"missing_{edge}"] for edge in EDGES])
     halfway = 4 * missing * (1 - missing)  # 1 there, 0 where an edge is soft or hard all the way
     small_W = small_W * [np.max(halfway[edges], axis=0) for edges in _OF_BRIDGE]
-    rest_W = (
-        rest_W * 2 * (1 - missing)
-    )  # what closing on it costs goes to nothing itself where little is missing
+    # what closing on the rest costs goes to nothing itself where little is missing
+    rest_W = rest_W * 2 * (1 - missing)
     known = [_LEFT * smooth_W, _LEFT * edges_W, np.linalg.norm(small_W, axis=0), *rest_W, *missing]
     return np.asarray(np.nan_to_num(np.stack(known, axis=1)))
 

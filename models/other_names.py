@@ -21,37 +21,24 @@ _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a 
     r"[ _/:]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°C)\s*$"
 )
 _EXCHANGED = re.compile(r"\b(?P<ours>P1_W|P2_W)=(?P<other>P1_W|P2_W)(?!\*)")
+# what other people's tables call it, without the unit and in lower case
 _ALSO_CALLED = {
     "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad"),
     "D2": ("inner_phase_shift", "innere_phase"),
     "P1_W": ("pin", "p_in", "input_power", "power_in", "eingangsleistung"),
     "P2_W": ("pout", "p_out", "output_power", "power_out", "ausgangsleistung"),
-    "efficiency": (
-        "eta",
-        "η",
-        "eff",
-        "wirkungsgrad",
-        "eta1",
-        "eta_1",
-        "η1",
-        "eff1",
-    ),  # analyzers number theirs
+    # analyzers number theirs
+    "efficiency": ("eta", "η", "eff", "wirkungsgrad", "eta1", "eta_1", "η1", "eff1"),
     "time_s": ("timestamp", "zeit", "zeitstempel"),
     "V1_V": ("u1", "vin", "v_in", "uin", "u_in", "input_voltage", "eingangsspannung"),
     "V2_V": ("u2", "vout", "v_out", "uout", "u_out", "output_voltage", "ausgangsspannung"),
     "I1_A": ("iin", "i_in", "input_current", "eingangsstrom"),
     "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom"),
     "T_heatsink_C": (
-        "heatsink",
-        "heatsink_temperature",
-        "t_hs",
-        "temp_hs",
-        "temphs",
-        "kühlkörper",
-        "kühlkörpertemperatur",
+        "heatsink", "heatsink_temperature", "t_hs", "temp_hs", "temphs", "kühlkörper", "kühlkörpertemperatur",
     ),
     "T_ambient_C": ("ambient", "ambient_temperature", "umgebung", "umgebungstemperatur"),
-}  # what other people's tables call it, without the unit and in lower case
+}  # fmt: skip
 
 
 class OtherNameError(ValueError):

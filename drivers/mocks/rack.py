@@ -22,9 +22,8 @@ from drivers.mocks.modbus_wire import RtuServer, TcpServer
 from drivers.mocks.scpi_analyzer import AnalyzerPlant, ScpiAnalyzer
 from drivers.mocks.wire import PtyServer
 
-PATIENCE_S = (
-    10.0  # of real time: plant and client are processes on a computer that may be busy with other things
-)
+# of real time: plant and client are processes on a computer that may be busy with other things
+PATIENCE_S = 10.0
 
 LIMITS = {
     "voltage_V": 320.0,
