@@ -72,7 +72,9 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
     shares = [_log_share(leftover, geometry.leftovers.shared_by) for leftover in leftovers]
     own = [fit.own(refinery.known) for fit in fits]
     log = np.empty((len(fits), len(leftovers)))
-    weighed = weigh(fits, refinery.seen(fits), geometry, own, leftovers)
+    weighed = _of_their_own(
+        refinery, fits, weigh(fits, refinery.seen(fits), geometry, own, leftovers), leftovers
+    )
     for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
         log[k] = log_prior(fit, catalogue)
         log[k] += shares
@@ -88,6 +90,30 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
         for k, c in order
         if counts[k, c]
     ]
+
+
+def _of_their_own(
+    refinery: Refinery,
+    fits: Sequence[Fit],
+    weighed: Sequence[WeighedBeside],
+    leftovers: Sequence[Leftover | None],
+) -> list[WeighedBeside]:
+    """The same, causes beside a threshold known no better than by what they do themselves, from off.
+
+    Which rows lie beyond it where nobody read them tells where it is, not how far off another cause is.
+    """
+    found = list(weighed)
+    mixed = [k for k, fit in enumerate(fits) if len({t.signature.entry.threshold for t in fit.terms}) > 1]
+    if not mixed:
+        return found
+    straight = [
+        replace(fits[k], terms=tuple(t.with_slope(t.signature.slope) for t in fits[k].terms)) for k in mixed
+    ]
+    own = [fit.own(refinery.known) for fit in straight]
+    themselves = weigh(straight, refinery.seen(straight), refinery.geometry, own, leftovers)
+    for k, beside in zip(mixed, themselves, strict=True):
+        found[k] = replace(found[k], sigma=np.maximum(found[k].sigma, beside.sigma))
+    return found
 
 
 def log_total(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> float:

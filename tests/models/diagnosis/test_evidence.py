@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from models.diagnosis.evidence import _crossed, _other_variants, log_prior, posterior, search
+from models.diagnosis.evidence import (
+    _crossed,
+    _other_variants,
+    log_prior,
+    posterior,
+    search,
+    weighed_with_leftovers,
+)
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
@@ -201,3 +208,21 @@ def test_of_several_starts_of_the_same_causes_the_best_is_followed(order: int) -
     ]
     (kept,) = bench.followed(starts[::order], leader=1e6)  # far ahead: none of them goes on
     assert kept.terms[0].value == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("beside", "own"), [("fan_step", True), ("auxiliary_power", False)])
+def test_rows_moved_across_a_threshold_do_not_tell_how_far_off_another_cause_is(
+    beside: str, own: bool
+) -> None:
+    """A slope with the fan's own step in it is far steeper than what the other cause does by itself."""
+    step = Signature(entry=effect(beside), slope=FLAT)
+    bench = refinery(0.05 * GROWING + 3.0 + noise(3), [LINK, step], SIGMA)
+    fit = joint_fit({"link_resistance": GROWING, beside: FLAT}, 0.05 * GROWING + 3.0)
+    fan, (link, flat) = 1000.0 * (np.arange(READINGS) % 7 == 0), fit.terms
+    link = replace(link, signature=LINK, value=0.05, slope=GROWING + fan)
+    fit = replace(fit, terms=(link, replace(flat, signature=step, value=3.0)))
+    (bare,) = (h.fit for h in weighed_with_leftovers(bench, [fit]) if h.leftover is None)
+    found = bare.term("link_resistance").sigma
+    alone = bench.weighed(replace(fit, terms=(replace(link, slope=GROWING), fit.terms[1]))).sigma[0]
+    assert found == pytest.approx(alone if own else bench.weighed(fit).sigma[0], rel=1e-9)
+    assert alone > 3.0 * bench.weighed(fit).sigma[0]

@@ -291,3 +291,16 @@ def test_what_is_left_is_said_where_it_carries_more_watts_than_the_name(
     left = Unexplained(location="input", rms_W=watts, formula="", explained=1.0, rows=first, readings=first,
                        watts=np.array([watts]), size=size, probability=0.9)  # fmt: skip
     assert telling_of(named, left).unknown_probability == said
+
+
+@pytest.mark.parametrize(("beyond", "stated"), [(0.02, 1), (0.9, 2)])
+def test_beside_a_sure_cause_what_is_rather_ordinary_is_not_stated(beyond: float, stated: int) -> None:
+    far = joint_fit({"link_resistance": ALONG, "thermal_resistance": ACROSS}, ALONG + ACROSS)
+    usual = replace(far, terms=(far.terms[0], replace(far.terms[1], value=0.05)))
+    hypotheses = [
+        Hypothesis(fit=fit, leftover=None, probability=probability)
+        for fit, probability in ((far, beyond), (usual, 1.0 - beyond))
+    ]
+    verdict = judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER)
+    assert (verdict.kind, len(verdict.stated)) == ("named", stated)
+    assert verdict.stated[0] == "link_resistance"
