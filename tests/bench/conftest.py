@@ -1,4 +1,4 @@
-"""Databases for the tests of what is stored: each runs on SQLite and on PostgreSQL."""
+"""Databases for the tests of what is stored: each runs on SQLite and on PostgreSQL; and folders for commands."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,3 +33,11 @@ def store(url: str) -> Iterator[Store]:
     """A fresh store on each kind of database."""
     with Store(url) as opened:
         yield opened
+
+
+@pytest.fixture
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a command reads and writes here, it reads and writes in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("D2EA_DB", "D2EA_TOKEN"):
+        monkeypatch.delenv(name, raising=False)

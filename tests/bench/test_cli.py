@@ -6,77 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from bench.campaign import run_campaign
 from bench.errors import BenchUnsafe, InputError
-from bench.imported import left_out_by_import
-from bench.job import Job
-from bench.process import Owner
-from bench.store import Provenance, Store, database_url
 from bench.toml_file import read_toml, to_toml
-from drivers.clock import StepClock
 from drivers.errors import LinkTimeout
-from drivers.mocks.plant import Plant
-from drivers.mocks.rack import Rack
-from tests.bench.command_line import d2ea
-from tests.bench.fake_bench import BENCH, CAMPAIGN, FakeInstruments, bench_config, campaign_config, predict
+from tests.bench.command_line import bench_file, campaign_file, d2ea, measured_table
 
-VERBS = (
-    "mock", "check", "run", "status", "runs", "pause", "resume", "abort", "export", "import",
-    "simulate", "train", "optimise", "models", "clear", "queue",
-)  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("D2EA_DB", raising=False)
-
-
-def bench_file(**changes: object) -> str:
-    Path("bench.toml").write_text(to_toml({**BENCH, **changes}))
-    return "bench.toml"
-
-
-def campaign_file(**changes: object) -> str:
-    Path("campaign.toml").write_text(to_toml({**CAMPAIGN, **changes}))
-    return "campaign.toml"
-
-
-def measured_table(rows: int = 60) -> str:
-    rng = np.random.default_rng(1)
-    D1, D2, P2_W = rng.uniform(0.6, 0.9, rows), rng.uniform(0.05, 0.3, rows), rng.uniform(300, 1200, rows)
-    efficiency = 0.97 + 0.01 * D1 - 0.01 * D2
-    pd.DataFrame({"D1": D1, "D2": D2, "P2_W": P2_W, "P1_W": P2_W / efficiency}).to_csv(
-        "theirs.csv", index=False
-    )
-    return "theirs.csv"
-
-
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert d2ea(verb, "--help") == 0
-    assert "Usage" in capsys.readouterr().out
-
-
-def test_help_keeps_what_a_verb_says_of_itself(capsys: pytest.CaptureFixture[str]) -> None:
-    assert d2ea("queue", "add", "--help") == 0
-    assert "wait for its schedule (start_at, every)" in " ".join(capsys.readouterr().out.split())
-
-
-@pytest.mark.parametrize(
-    ("verb", "said"),
-    [("status", "else the newest, running or not"), ("pause", "else the newest that is running")],
-)
-def test_help_says_which_campaign_is_meant_where_none_is_named(
-    verb: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert d2ea(verb, "--help") == 0
-    words = [word for word in capsys.readouterr().out.split() if word not in "│"]  # the frame of the table
-    assert said in " ".join(words)
+pytestmark = pytest.mark.usefixtures("in_a_folder_of_its_own")
 
 
 @pytest.mark.parametrize(
@@ -157,85 +95,6 @@ def test_every_error_has_its_exit_code_and_no_traceback(
     assert said
     assert "Traceback" not in said
     assert "Errno" not in said
-
-
-def test_imported_measurements_come_out_of_export(capsys: pytest.CaptureFixture[str]) -> None:
-    assert d2ea("import", measured_table(), "--name", "theirs") == 0
-    assert d2ea("export", "1", "--out", "out.parquet") == 0
-    ours, theirs = pd.read_parquet("out.parquet"), pd.read_csv("theirs.csv")
-    pd.testing.assert_frame_equal(ours[theirs.columns], theirs)
-    assert d2ea("runs") == 0
-    assert "imported" in capsys.readouterr().out
-
-
-def test_a_table_without_a_required_column_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("bad.csv").write_text("D1,P2_W,P1_W\n0.9,500,510\n")
-    assert d2ea("import", "bad.csv") == 2
-    assert "bad.csv: measurement table: required column D2 is missing" in capsys.readouterr().err
-
-
-def test_many_rows_left_out_do_not_flood_the_screen(capsys: pytest.CaptureFixture[str]) -> None:
-    table = pd.read_csv(measured_table())
-    pd.concat([table, table]).to_csv("twice.csv", index=False)
-    assert d2ea("import", "twice.csv") == 0
-    said = capsys.readouterr().err
-    assert said.count("repeats an earlier row") == 20
-    assert "and 40 rows more left out" in said
-
-
-def test_what_an_import_left_out_stays_with_its_campaign(capsys: pytest.CaptureFixture[str]) -> None:
-    table = pd.read_csv(measured_table())
-    table.loc[3, "D1"] = 90.0
-    table.to_csv("per_cent.csv", index=False)
-    assert d2ea("import", "per_cent.csv") == 0
-    with Store(database_url(None)) as store:
-        kept = left_out_by_import(store.campaign(1)["config"])["left_out_by_import"]
-    (row,) = kept["rows"]
-    assert (row["row"], row["line"], row["column"], row["value"]) == (4, 5, "D1", "90.0")
-    assert d2ea("status") == 0
-    assert "1 row of per_cent.csv left out by its import" in capsys.readouterr().out
-
-
-def test_export_of_an_unknown_campaign_or_ending_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert d2ea("export", "7", "--out", "x.csv") == 1
-    assert "there is no campaign 7" in capsys.readouterr().err
-    d2ea("import", measured_table())
-    assert d2ea("export", "1", "--out", "x.xls") == 2
-
-
-def test_a_campaign_without_accepted_rows_is_not_exported_but_says_what_is(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    fake = FakeInstruments()
-    one = {
-        "kind": "points",
-        "set_points": [{"D1": 0.9, "D2": 0.1, "power_W": 500.0}],
-        "standby": 0,
-        "no_load": 0,
-    }
-    config = campaign_config(measure={"samples": 4, "voltage_tolerance": 1e-9}, plan=one)
-    with Store(database_url(None)) as store:
-        run_campaign(
-            Job.prepare(config, bench_config(), predict=predict), store, fake.clock, around=fake.around()
-        )
-    assert d2ea("export", "1", "--out", "x.csv") == 1
-    said = " ".join(capsys.readouterr().err.split())
-    assert (
-        "campaign 1 has no accepted rows, so nothing is written: it is done, and of its 1 rows 0 are" in said
-    )
-    assert "d2ea export 1 --rejected --out FILE.csv writes those, with the reason of each" in said
-    assert not Path("x.csv").exists()
-    assert d2ea("export", "1", "--rejected", "--out", "x.csv") == 0
-    assert "is not held at 140 V" in pd.read_csv("x.csv")["reason"][0]
-
-
-def test_where_nothing_was_rejected_there_is_no_such_export(capsys: pytest.CaptureFixture[str]) -> None:
-    d2ea("import", measured_table())
-    assert d2ea("export", "1", "--rejected", "--out", "x.csv") == 1
-    said = " ".join(capsys.readouterr().err.split())
-    assert "no rejected rows, so nothing is written" in said
-    assert "60 are accepted and 0 rejected" in said
-    assert "--rejected --out" not in said
 
 
 def test_nothing_is_running_to_pause() -> None:
@@ -346,18 +205,6 @@ def test_mock_listens_until_it_is_ended_and_takes_its_file_away() -> None:
     assert not Path("rack.toml").exists()
 
 
-def test_an_alarm_keeps_a_bench_from_use_until_an_operator_acknowledges_it(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    with Rack(Plant.virtual(seed=3, hidden={}, clock=StepClock())) as rack:
-        Path("rack.toml").write_text(to_toml(rack.bench_config()))
-        rack.supply.trip("OVP")
-        assert d2ea("check", "rack.toml") == 1
-        assert "supply: alarm OVP stands" in capsys.readouterr().err
-        assert d2ea("check", "rack.toml", "--acknowledge") == 0
-    assert "acknowledged: supply OVP" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("there", "said"),
     [
@@ -399,32 +246,6 @@ def test_faults_are_refused_on_a_real_run(capsys: pytest.CaptureFixture[str]) ->
     assert "faults are for --rehearse" in capsys.readouterr().err
 
 
-def unsafe_bench() -> None:
-    with Store(database_url()) as store:
-        provenance = Provenance(config={}, config_hash="", virtual=True, bench="fake bench")
-        campaign_id = store.create_campaign("c", provenance, [])
-        store.benches.take("fake bench", virtual=True, campaign_id=campaign_id, owner=Owner.here())
-        store.benches.energise("fake bench", {**BENCH, "limits": {**BENCH["limits"], "again_s": 0}})  # type: ignore[dict-item]
-        store.benches.latch("fake bench", "load NOT confirmed off")
-
-
-def test_unsafe_is_shown_and_refuses_with_its_own_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
-    unsafe_bench()
-    assert d2ea("run", campaign_file(), "--bench", bench_file()) == 3
-    assert "load NOT confirmed off" in capsys.readouterr().err
-    assert d2ea("status") == 0
-    assert "UNSAFE since" in capsys.readouterr().out
-
-
-def test_clear_believes_only_what_is_read_back_or_an_operator(capsys: pytest.CaptureFixture[str]) -> None:
-    unsafe_bench()
-    assert d2ea("clear") == 3  # nothing of this bench can be reached
-    assert "say --seen-off once you have seen that it is" in capsys.readouterr().err
-    assert d2ea("clear", "--seen-off") == 0
-    assert d2ea("clear") == 1
-    assert "there is nothing to clear" in capsys.readouterr().err
-
-
 def test_a_stopped_campaign_is_found_by_resume(capsys: pytest.CaptureFixture[str]) -> None:
     assert d2ea("resume") == 1
     assert "nothing to resume" in capsys.readouterr().err
@@ -450,14 +271,3 @@ def test_a_password_is_refused_as_an_argument(capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr().err
     assert "D2EA_DB" in said
     assert "secret" not in said
-
-
-def test_the_shell_completes_commands_and_options(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("_D2EA_COMPLETE", "complete_bash")
-    for words, place, completed in (("d2ea retr", "1", "retrain"), ("d2ea models roll", "2", "rollback")):
-        monkeypatch.setenv("COMP_WORDS", words)
-        monkeypatch.setenv("COMP_CWORD", place)
-        d2ea()
-        assert capfd.readouterr().out.split() == [completed]

@@ -13,11 +13,7 @@ from tests.bench.fake_bench import BENCH
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "two_level_dab.toml"
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("D2EA_DB", raising=False)
+pytestmark = pytest.mark.usefixtures("in_a_folder_of_its_own")
 
 
 def table_and_bench(converter: str | None = None, model: Path | None = None) -> tuple[str, str, str]:

@@ -16,10 +16,7 @@ from tests.bench.command_line import d2ea
 
 POINT = ("--D1", "0.8", "--D2", "0.1", "--P", "800")
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("in_a_folder_of_its_own")
 
 
 def test_samples_have_the_currents_that_are_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,12 +8,7 @@ from sqlalchemy import create_engine, text
 from bench import cli
 from bench.store import Store
 
-
-@pytest.fixture(autouse=True)
-def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name in ("D2EA_DB", "D2EA_TOKEN"):
-        monkeypatch.delenv(name, raising=False)
+pytestmark = pytest.mark.usefixtures("in_a_folder_of_its_own")
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
