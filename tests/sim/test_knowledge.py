@@ -27,8 +27,8 @@ def test_without_losses_the_piecewise_method_is_exact() -> None:
     )
     flat = case.orbit.output_power_W() < 1.0  # where the phase does not matter
     assert np.sum(~flat) > 20
-    # the solver's converter has 0.1 mOhm and a picosecond of dead time
-    np.testing.assert_allclose(result["I_L_rms_A"][~flat], case.rms_A[~flat], rtol=2e-3)
+    # rounding: without resistance both are polygons
+    np.testing.assert_allclose(result["I_L_rms_A"][~flat], case.rms_A[~flat], rtol=1e-9)
 
 
 def test_many_harmonics_are_the_straight_lines() -> None:
@@ -39,10 +39,9 @@ def test_many_harmonics_are_the_straight_lines() -> None:
     )
     both = exact.feasible & series.feasible
     assert both.sum() > 50
-    np.testing.assert_allclose(
-        series["I_L_rms_A"][both], exact["I_L_rms_A"][both], rtol=1e-3
-    )  # 80 terms of 1/k^3
-    np.testing.assert_allclose(series["D0"][both], exact["D0"][both], atol=2e-3)
+    # a triangle's corner is 0.25 % low: 80 terms of 1/k^2; four of them in a current, of which corners are a part
+    np.testing.assert_allclose(series["I_L_rms_A"][both], exact["I_L_rms_A"][both], rtol=1e-3)
+    np.testing.assert_allclose(series["D0"][both], exact["D0"][both], atol=1e-5)  # 80 terms of 1/k^3
 
 
 def test_one_harmonic_is_a_sine() -> None:

@@ -24,7 +24,7 @@ def test_copper_is_the_sum_over_harmonics() -> None:
     measures = link_current(case.orbit.pieces, 20e3)
     ours_W = magnetic_losses(prototype(), at_25, case.orbit.pieces, measures)["inductor_copper"]
     # the k^2 series of a current with corners converges like 1/k: 20,000 harmonics leave 1e-4
-    np.testing.assert_allclose(ours_W, harmonic_W, rtol=1e-3)
+    np.testing.assert_allclose(ours_W, harmonic_W, rtol=1e-4)
 
 
 def test_mean_squared_slope_is_that_of_the_exponentials() -> None:

@@ -43,12 +43,12 @@ def test_repeated_rows_have_the_signatures_of_a_simulation_of_their_own(
     repeated = Repeated(known=known.told, rows=np.where(used == measured.row[0], -1, used))
     kept = signatures(later, BASELINE, near=near, repeated=repeated)
     anew = signatures(later, BASELINE, near=near)
-    # of both solutions 1e-6 of the power, a millikelvin; a slope is over a step of a fifth of the prior
+    # a solution is good to 2e-7 of a kilowatt, and two steps are the difference of four; a step is a fifth of the prior
     for one, other in zip(kept.effects, anew.effects, strict=True):
         step = 0.2 * one.entry.headline.prior
-        np.testing.assert_allclose(one.slope * step, other.slope * step, atol=5e-3)
-    np.testing.assert_allclose(kept.spreads, anew.spreads, atol=5e-3)
-    np.testing.assert_allclose(kept.baseline, anew.baseline, atol=5e-3)
+        np.testing.assert_allclose(one.slope * step, other.slope * step, atol=1e-3)
+    np.testing.assert_allclose(kept.spreads, anew.spreads, atol=1e-3)
+    np.testing.assert_allclose(kept.baseline, anew.baseline, atol=1e-3)
 
 
 def test_what_follows_the_time_is_known_of_the_end_where_a_command_waits(
@@ -63,7 +63,7 @@ def test_what_follows_the_time_is_known_of_the_end_where_a_command_waits(
     kept = signatures(last, BASELINE, near=near, repeated=Repeated(known=told, rows=used))
     for one, other in zip(kept.effects, anew.effects, strict=True):
         step = 0.2 * one.entry.headline.prior  # as above
-        np.testing.assert_allclose(one.slope * step, other.slope * step, atol=5e-3)
+        np.testing.assert_allclose(one.slope * step, other.slope * step, atol=1e-3)
 
 
 def test_nothing_is_kept_where_the_baseline_itself_follows_the_time(measured: Observations) -> None:
