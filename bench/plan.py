@@ -25,9 +25,8 @@ from bench.prediction import Asked, Predictor
 from bench.within import Within
 
 AMBIENT_C = 25.0  # the plan is made before anything is measured
-SPARE = (
-    0.12  # of the power, that a candidate must leave: closer to the most that is carried nothing can be told
-)
+# of the power, that a candidate must leave: closer to the most that is carried nothing can be told
+SPARE = 0.12
 TRIES_PER_POINT = 200  # a box with less than 1/200 feasible is a mistake in its ranges
 _NUMBER = re.compile(r"(?<![A-Za-z0-9.])\d+(\.\d+)?")  # reasons that differ in a number only are one
 CSV_COLUMNS = ("D1", "D2", "P_set_W")

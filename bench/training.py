@@ -57,9 +57,8 @@ class Trained:
 
     model: StagedModel
     held_out: Accuracy
-    half_width: (
-        float  # of the 95 % interval of a prediction; NaN where the held-out part is too small to tell
-    )
+    # of the 95 % interval of a prediction; NaN where the held-out part is too small to tell
+    half_width: float
     data_sha256: str
 
 

@@ -257,9 +257,8 @@ def _open_port(resource: str, settings: dict[str, Any], timeout_s: float) -> Por
         reason = str(error)
         advice = next((advice for sign, advice in _ADVICE if sign in reason), "")
         number = getattr(error, "errno", None)
-        short = (
-            os.strerror(number) if number and "lock" not in reason else reason
-        )  # pyserial says it three times
+        # pyserial says it three times
+        short = os.strerror(number) if number and "lock" not in reason else reason
         raise LinkUnavailable(
             f"cannot open {resource}: {short}" + (f"; {advice}" if advice else ""), resource=resource
         ) from error

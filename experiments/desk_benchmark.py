@@ -58,9 +58,8 @@ MEASURED, LONG, FOLLOWED, VIEWERS = 1000, 10_000, 30, 8
 CAMPAIGN_ROWS, ROUNDS = 24, 11
 RETRAIN_BAR_S, PAGE_BAR_S, POINT_BAR_S, COST_BAR_PERCENT = 5.0, 2.0, 1.0, 2.0
 BENCH = "benchmark bench"
-MEMORY = Path(
-    "/dev/shm"
-)  # where there is one: ten thousand rows are fifty thousand commits, each waiting for a disk
+# where there is one: ten thousand rows are fifty thousand commits, each waiting for a disk
+MEMORY = Path("/dev/shm")
 
 
 def run(settings: Settings) -> Result:

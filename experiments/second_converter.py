@@ -39,11 +39,8 @@ from sim.parameters import ParameterError
 from sim.simulate import Points, can_run, simulate
 
 MODEL_FILE = Path(__file__).parents[1] / "docs" / "examples" / "two_level_dab.toml"
-HIDDEN = (
-    "leakage_inductance",
-    "core_loss_transformer",
-    "skin_effect",
-)  # relative: sizes in Ohm or W are the prototype's
+# relative: sizes in Ohm or W are the prototype's
+HIDDEN = ("leakage_inductance", "core_loss_transformer", "skin_effect")
 FIRST_SEED = 440_000
 MEASURED, LEAST = 250, 120
 KINDS = (SIMULATION_ONLY, SIMULATOR, EXPERIMENT_ONLY, D2EA, SIMULATOR_FIRST, SIMULATOR_GP)

@@ -20,9 +20,8 @@ from bench.errors import InputError, StoreError
 from bench.store.tables import SCHEMA, metadata, schema
 
 DEFAULT_URL = "sqlite:///d2ea-data/d2ea.sqlite"
-BUSY_MS = (
-    5_000  # another process (status, export) may hold the file for a moment; less than beats may be missed
-)
+# another process (status, export) may hold the file for a moment; less than beats may be missed
+BUSY_MS = 5_000
 SCHEMA_LOCK = 0xD2EA  # PostgreSQL: only one process at a time makes the tables
 BOUNDED = {  # seconds, and ms: a network that is gone is noticed, not waited for
     "connect_timeout": 5, "keepalives_idle": 5, "keepalives_interval": 2, "keepalives_count": 2,

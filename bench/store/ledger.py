@@ -34,9 +34,8 @@ from bench.versions import versions
 
 GOOD = "good"
 FAR = 9e37  # what analyzers put in the place of a number they do not have is above
-_ASKED = select(campaigns.c.request).where(
-    campaigns.c.id == bindparam("campaign_id")
-)  # some hundred times a point
+# some hundred times a point
+_ASKED = select(campaigns.c.request).where(campaigns.c.id == bindparam("campaign_id"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -113,9 +113,8 @@ def _switch(rng: np.random.Generator, side: _Side, part: str) -> Switch:
     """A transistor with a threshold or a synchronous channel, for 1 % of the power or so in losses."""
     V, current_A, synchronous = side.voltage_V, side.current_A, bool(rng.random() < 0.6)
     resistance_Ohm = rng.uniform(0.002, 0.015) * V / current_A
-    beside_V = (
-        3 * resistance_Ohm * current_A if synchronous else 0.0
-    )  # the channel keeps its diode from conducting
+    # the channel keeps its diode from conducting
+    beside_V = 3 * resistance_Ohm * current_A if synchronous else 0.0
     energy = SwitchingEnergy(
         energy_J=1e-4 * V * current_A / side.frequency_Hz, reference_V=V, reference_A=current_A,
         current_exponent=rng.uniform(0.8, 1.6), voltage_exponent=1.2,

@@ -25,10 +25,8 @@ Array = NDArray[np.float64]
 CONVERTERS, POINTS, CIRCUITS = 40, 20, 12
 _SEED = 7
 _BANDS = (0.003, 0.01, 0.02, 0.05)  # dead time over half a period
-_STILL_K, _STILL = (
-    0.05,
-    1e-4,
-)  # what the last solution of a settled point may still ask for; power is relative
+# what the last solution of a settled point may still ask for; power is relative
+_STILL_K, _STILL = 0.05, 1e-4
 _EFFICIENT = 0.93  # of what is given to ngspice: points that somebody would run
 
 

@@ -27,9 +27,8 @@ from models.optimise import OptimumTable
 MODULATIONS = ("hybrid", "sps", "dps", "eps", "tps")
 LOADS_W = (200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1400.0, 1600.0, 1800.0)
 FEW_LOADS_W = (200.0, 600.0, 1000.0, 1600.0)
-_LINE = np.concatenate(
-    [[0.0], np.linspace(0.02, 0.9, 89)]
-)  # zero states; shorter ones the dead time swallows
+# zero states; shorter ones the dead time swallows
+_LINE = np.concatenate([[0.0], np.linspace(0.02, 0.9, 89)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,9 +23,8 @@ from drivers.transport import ByteLink
 
 TIMEOUT_S, LATENESS_S = 0.03, 0.12
 LATE = 0.02  # of all replies
-SPREAD = (
-    0.5  # of the lateness that is used: timers and threads on a busy machine have a lateness of their own
-)
+# of the lateness that is used: timers and threads on a busy machine have a lateness of their own
+SPREAD = 0.5
 
 
 @dataclass(slots=True)

@@ -91,11 +91,8 @@ def test_power_changes_only_at_the_modulation_that_carries_all(store: Store) -> 
 
 def test_the_heartbeat_never_pauses_longer_than_a_beat_and_an_update(store: Store) -> None:
     fake = FakeInstruments()
-    slow = {
-        "window_s": 45,
-        "sample_every_s": 15,
-        "limit_s": 300,
-    }  # far more than a beat from sample to sample
+    # far more than a beat from sample to sample
+    slow = {"window_s": 45, "sample_every_s": 15, "limit_s": 300}
     run(fake, store, job(settling=slow))
     assert 0 < fake.longest_silence_s <= 2.0 + 0.5  # heartbeat_s and update_s of the fake bench
 

@@ -259,9 +259,8 @@ def test_every_measured_point_is_in_one_band(data):
 def test_the_difference_drawn_is_measured_less_simulated(data):
     figure = efficiency_maps(data.simulation, data.measurements)
     for trace in figure.data[2::3]:
-        np.testing.assert_allclose(
-            trace.marker.color, -1.0 * np.asarray(trace.y), atol=1e-9
-        )  # points: 100 · (-0.01 · D2)
+        # points: 100 · (-0.01 · D2)
+        np.testing.assert_allclose(trace.marker.color, -1.0 * np.asarray(trace.y), atol=1e-9)
 
 
 def test_infeasible_cells_are_blank(data):
@@ -278,9 +277,8 @@ def test_a_channel_needs_both_columns(data):
 
 def test_loss_parts_stack_to_the_total(data):
     figure = loss_breakdown(data.losses)
-    assert [trace.name for trace in figure.data] == [
-        "inductor core"
-    ]  # a part that loses nothing is not drawn
+    # a part that loses nothing is not drawn
+    assert [trace.name for trace in figure.data] == ["inductor core"]
     assert list(figure.data[0].y) == [1.0, 2.0]
 
 

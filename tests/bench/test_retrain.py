@@ -138,9 +138,8 @@ def test_a_model_in_use_that_cannot_be_read_is_no_rival(tmp_path: Path) -> None:
     (tmp_path / old / "stage_2.ubj").write_bytes(b"of another version")
     heard: list[str] = []
     made = replace(retrainer(tmp_path, "d2ea"), say=heard.append)
-    again = made.retrain(
-        file_data(measured(150))
-    )  # the same rows: what was decided is worth nothing any more
+    # the same rows: what was decided is worth nothing any more
+    again = made.retrain(file_data(measured(150)))
     assert again.promoted
     assert again.decision is not None
     assert (again.decision.replaced, set(again.decision.errors)) == (

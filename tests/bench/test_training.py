@@ -15,9 +15,8 @@ from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import simulate
 
-TWO_LEVEL = (
-    Path(__file__).resolve().parents[2] / "docs" / "examples" / "two_level_dab.toml"
-)  # 400 V, 48 V, 1.5 kW
+# 400 V, 48 V, 1.5 kW
+TWO_LEVEL = Path(__file__).resolve().parents[2] / "docs" / "examples" / "two_level_dab.toml"
 
 
 @pytest.fixture(scope="module")

@@ -25,9 +25,8 @@ def test_samples_have_the_currents_that_are_told(capsys: pytest.CaptureFixture[s
     samples = pd.read_csv("new/point.csv")
     solved = simulate(Model.baseline(), Points(D1=0.8, D2=0.1, power_W=800.0))
     told = [float(number) for number in re.findall(r"([\d.]+) A rms, ([\d.]+) A peak", said)[0]]
-    assert told == pytest.approx(
-        [solved["I_L_rms_A"][0], solved["I_L_pp_A"][0]], abs=6e-4
-    )  # three decimals are told
+    # three decimals are told
+    assert told == pytest.approx([solved["I_L_rms_A"][0], solved["I_L_pp_A"][0]], abs=6e-4)
     time_s, current_A = samples["time_s"].to_numpy(), samples["iL_A"].to_numpy()
     rms_A = np.sqrt(np.trapezoid(current_A**2, time_s) / (time_s[-1] - time_s[0]))
     assert [rms_A, np.ptp(current_A)] == pytest.approx(told, rel=5e-3)  # two solvers, of slopes of their own

@@ -255,9 +255,8 @@ def plant() -> FakePlant:
 @pytest.fixture
 def analyzer(plant: FakePlant) -> Iterator[Analyzer]:
     mock = ScpiAnalyzer(plant)
-    mock.handle(
-        b":NUMERIC:HOLD ON\n:NUMERIC:FORMAT FLOAT\n:STATUS:FILTER1 NEVER\n:BLUNDER\n"
-    )  # a crashed run
+    # a crashed run
+    mock.handle(b":NUMERIC:HOLD ON\n:NUMERIC:FORMAT FLOAT\n:STATUS:FILTER1 NEVER\n:BLUNDER\n")
     with PtyServer(mock.handle) as server, ByteLink.open(server.path) as link:
         analyzer = Analyzer(link, WT3000, clock=plant.clock)
         analyzer.identify()

@@ -90,9 +90,8 @@ def stranger() -> Iterator[tuple[Stranger, ModbusDevice]]:
 def test_it_is_identified_and_read_in_volts(stranger: tuple[Stranger, ModbusDevice]) -> None:
     _, device = stranger
     assert device.identify().serial == "42"
-    assert device.read("actual_voltage") == pytest.approx(
-        500.0 * 0x6666 / 0xCCCC, rel=1e-12
-    )  # the same arithmetic
+    # the same arithmetic
+    assert device.read("actual_voltage") == pytest.approx(500.0 * 0x6666 / 0xCCCC, rel=1e-12)
 
 
 def test_a_set_point_arrives_in_its_registers(stranger: tuple[Stranger, ModbusDevice]) -> None:

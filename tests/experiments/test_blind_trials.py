@@ -148,9 +148,8 @@ def test_a_drift_is_judged_by_what_it_came_to() -> None:
     plain = blind_trial.survey(Laboratory.nominal().without_noise(), trial.plan, seed=1).iloc[-1]
     last = blind_trial.survey(lab, trial.plan, seed=1).iloc[-1]
     grown = (last["P1_W"] - plain["P1_W"]) / (plain["P1_W"] - plain["P2_W"])
-    assert trial.headlines["warm_up_drift"] == pytest.approx(
-        grown, rel=1e-3
-    )  # an input voltage falls a little
+    # an input voltage falls a little
+    assert trial.headlines["warm_up_drift"] == pytest.approx(grown, rel=1e-3)
     assert trial.headlines["dead_time"] == 1e-7
 
 

@@ -58,6 +58,5 @@ def test_the_papers_accuracies_stand_beside_ours(small: Settings, instant_diagno
     assert [c.paper for c in made.comparisons] == [1.1, 0.58, 0.08, 0.08, 99.92]
     gap = made.tables[-1].rows
     assert gap[-1][0] == "mean"
-    assert (
-        abs(float(gap[-1][-1] or 0)) < 0.1
-    )  # points: an ideal lab differs from the simulation by its formulas alone
+    # points: an ideal lab differs from the simulation by its formulas alone
+    assert abs(float(gap[-1][-1] or 0)) < 0.1

@@ -116,9 +116,8 @@ def test_a_killed_run_leaves_no_process_behind(tmp_path: Path) -> None:
         assert run.stdout.readline() == "locked\n"
         run.kill()
         with lock.open("r+") as file:
-            fcntl.flock(
-                file, fcntl.LOCK_EX
-            )  # returns when the trial's process is gone; else the test times out
+            # returns when the trial's process is gone; else the test times out
+            fcntl.flock(file, fcntl.LOCK_EX)
 
 
 def test_trials_that_follow_find_the_same_processes(tmp_path: Path) -> None:

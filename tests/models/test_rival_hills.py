@@ -53,9 +53,8 @@ def test_points_around_a_top_are_rivals_where_they_are_nearly_as_high(hill: Hill
     assert np.bincount(of.load[whole]).tolist() == [1 + around, 1 + around]
     np.testing.assert_allclose(of.efficiency, hill.predict(*of.place.T))
     assert np.all(of.efficiency >= 0.979)
-    assert np.all(
-        of.lost() < SIGMA
-    )  # each load's best point stands against its own rivals: none is 1e-3 above it
+    # each load's best point stands against its own rivals: none is 1e-3 above it
+    assert np.all(of.lost() < SIGMA)
 
 
 def test_many_points_of_one_rival_hill_count_once() -> None:

@@ -55,9 +55,8 @@ def test_newtons_rule_finds_the_phase_of_a_power(solved: tuple) -> None:
     found, _, met = settle(c, edges, start, demand)
     assert met.mean() > 0.85  # plateaus of narrow pulses are left to the bracketed search
     steep = met & (power_W > 300.0) & (state[5] < 0.35)
-    np.testing.assert_allclose(
-        found[5][steep], state[5][steep], atol=1e-5
-    )  # 2e-7 of the power over its slope
+    # 2e-7 of the power over its slope
+    np.testing.assert_allclose(found[5][steep], state[5][steep], atol=1e-5)
 
 
 def test_few_sweeps_close_nearly_every_orbit(solved: tuple) -> None:

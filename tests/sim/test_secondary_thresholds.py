@@ -115,6 +115,5 @@ def test_power_is_smooth_where_the_secondary_comes_to_rest() -> None:
     assert orbit.closed.all()
     power_W = orbit.output_power_W()
     step_W = np.abs(np.diff(power_W))
-    assert np.max(step_W) < 8.0 * np.median(
-        step_W
-    )  # bends where a leg becomes hard; a jump is hundreds of medians
+    # bends where a leg becomes hard; a jump is hundreds of medians
+    assert np.max(step_W) < 8.0 * np.median(step_W)

@@ -39,9 +39,8 @@ def test_what_passes_inspection_is_a_possible_converter(spread: Spread, sigmas: 
 def test_a_resistance_is_spread_by_what_it_means_to_a_converter() -> None:
     large = replace(prototype(), V1_V=600.0, V2_V=280.0, rated_power_W=20e3)
     one, own = ({s.path: s.sigma for s in everyday_spread(c)} for c in (prototype(), large))
-    assert own["link_resistance_Ohm"] == pytest.approx(
-        0.4 * one["link_resistance_Ohm"], rel=1e-12
-    )  # V1^2 / P
+    # V1^2 / P
+    assert own["link_resistance_Ohm"] == pytest.approx(0.4 * one["link_resistance_Ohm"], rel=1e-12)
     assert own["output_cable_Ohm"] == pytest.approx(0.4 * one["output_cable_Ohm"], rel=1e-12)  # V2^2 / P
     assert own["auxiliary_power_W"] == pytest.approx(10 * one["auxiliary_power_W"], rel=1e-12)
     assert own["dead_time_s"] == one["dead_time_s"]

@@ -60,9 +60,8 @@ def test_the_current_has_no_jumps(case: Case) -> None:
     pieces = case.orbit.pieces
     just_before = pieces.start_s[1:] - 1e-15
     before_A = np.where(just_before > 0, pieces.current_at(just_before), pieces.current_A[1:])
-    np.testing.assert_allclose(
-        before_A, pieces.current_A[1:], atol=2e-8
-    )  # a femtosecond of 1e7 A/s, rounding
+    # a femtosecond of 1e7 A/s, rounding
+    np.testing.assert_allclose(before_A, pieces.current_A[1:], atol=2e-8)
     np.testing.assert_allclose(pieces.end_A[-1], -pieces.current_A[0], atol=1e-8)  # the closing error
 
 
@@ -113,9 +112,8 @@ def test_lossless_hybrid_modulation_carries_the_closed_form_power(lossless: Case
 
 def test_a_current_that_the_voltage_cannot_lift_over_the_drops_stays_at_zero() -> None:
     converter = prototype()
-    matched = replace(
-        converter, V2_V=149.5, transformer=replace(converter.transformer, magnetizing_H=1e9)
-    )  # 1 V across the link, less than two IGBT knees, and no magnetizing current to move an edge
+    # 1 V across the link, less than two IGBT knees, and no magnetizing current to move an edge
+    matched = replace(converter, V2_V=149.5, transformer=replace(converter.transformer, magnetizing_H=1e9))
     D1, D2 = np.array([1.0]), np.array([0.0])
     orbit = periodic(circuit(1, matched), edges_at(D1, D2, np.zeros(1)), np.zeros(1), np.full((4, 1), 0.01))
     # the dead times of the four edges differ by a third of a nanosecond; a volt would drive 50 mA

@@ -147,9 +147,8 @@ def test_charge_is_conserved() -> None:
     c = constant_capacitance(current_A, own=0.0)
     carried_C = current_A * DEAD_S + 0.5 * DRIVE * DEAD_S**2
     kept_C = CHARGE_C * (1 - c.missing) + c.opposite_C - c.same_C
-    np.testing.assert_allclose(
-        kept_C[0], carried_C, atol=1e-9 * CHARGE_C
-    )  # a constant slope: leapfrog is exact
+    # a constant slope: leapfrog is exact
+    np.testing.assert_allclose(kept_C[0], carried_C, atol=1e-9 * CHARGE_C)
 
 
 def test_a_current_that_reverses_takes_the_charge_back() -> None:

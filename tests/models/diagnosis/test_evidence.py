@@ -27,9 +27,8 @@ GROWING = np.linspace(5.0, 60.0, READINGS)  # W per Ohm
 LINK = Signature(entry=effect("link_resistance"), slope=GROWING)
 FLAT = np.ones(READINGS)
 AUXILIARY = Signature(entry=effect("auxiliary_power"), slope=FLAT)
-SLANTED = Signature(
-    entry=effect("analyzer_gain"), slope=300.0 * np.cos(0.7 * np.arange(READINGS))
-)  # W per unit
+# W per unit
+SLANTED = Signature(entry=effect("analyzer_gain"), slope=300.0 * np.cos(0.7 * np.arange(READINGS)))
 
 
 BENT = 3000.0 * np.linspace(0.2, 1.0, READINGS) ** 4  # W per squared Ohm

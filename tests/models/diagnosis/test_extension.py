@@ -62,9 +62,8 @@ def test_without_a_cause_it_is_the_baseline() -> None:
 def test_an_interval_of_a_uniform_and_a_normal_part_holds_95_per_cent() -> None:
     limit, sigma = 2.0, 0.7
     half = half_with_limit(limit, sigma)
-    uniform = (
-        limit * (np.arange(2000) + 0.5) / 1000 - limit
-    )  # midpoints: their sum errs by their spacing squared
+    # midpoints: their sum errs by their spacing squared
+    uniform = limit * (np.arange(2000) + 0.5) / 1000 - limit
     holds = np.mean(ndtr((half - uniform) / sigma) - ndtr((-half - uniform) / sigma))
     assert holds == pytest.approx(0.95, abs=1e-6)
 

@@ -110,10 +110,8 @@ def test_too_few_readings_have_no_blocks() -> None:
 
 
 def test_what_does_not_vary_has_no_blocks() -> None:
-    assert [gain.blocks for gain in gains_of(NOISE)] == [
-        "power band",
-        "quarter of the time",
-    ]  # D1, D2 are fixed
+    # D1, D2 are fixed
+    assert [gain.blocks for gain in gains_of(NOISE)] == ["power band", "quarter of the time"]
 
 
 def test_held_out_time_is_predicted_from_other_times_only() -> None:

@@ -106,9 +106,8 @@ def test_a_reading_near_a_threshold_is_free_to_lie_on_either_side() -> None:
     low = Signature(entry=effect("fan_step"), other={"threshold_C": 30.0}, slope=np.ones(10))
     step = Signature(entry=effect("fan_step"), other={"threshold_C": 40.0}, slope=slope)
     ((_, of_low), (_, of_step)) = law_columns([low, step], observations, state)
-    free = np.flatnonzero(
-        np.any(of_step == 1.0, axis=0)
-    )  # a whole step; what is smooth is two per cent of one
+    # a whole step; what is smooth is two per cent of one
+    free = np.flatnonzero(np.any(of_step == 1.0, axis=0))
     np.testing.assert_array_equal(free, [4, 5, 6])  # 39 to 41 degC: the threshold is good to 1.5 K
     assert not np.any(of_low == 1.0)
     assert Laws.none().directions(step, 1.0) is None

@@ -73,9 +73,8 @@ def test_a_step_that_was_chosen_makes_room_for_others(found: Diagnosis) -> None:
     few = Allowed(by_hand=False, least_sigma=0.01)
     steps = [step for step in found.steps(few, 6) if not step.by_hand]
     assert sum(step.repeats for step in steps) == 6
-    assert (
-        len({step.set_point for step in steps}) >= 3
-    )  # taken at its word, one point would be the best six times
+    # taken at its word, one point would be the best six times
+    assert len({step.set_point for step in steps}) >= 3
 
 
 def test_what_the_spreads_may_take_up_is_no_separation(found: Diagnosis) -> None:

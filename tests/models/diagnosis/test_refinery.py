@@ -68,7 +68,6 @@ def learned(spreads: Array) -> float:
 
 
 def test_a_slope_learns_its_share_of_the_way_only() -> None:
-    assert learned(np.zeros(2)) == pytest.approx(
-        2.0 / 5.0
-    )  # a step of two, squared, and one for what is not smooth
+    # a step of two, squared, and one for what is not smooth
+    assert learned(np.zeros(2)) == pytest.approx(2.0 / 5.0)
     assert learned(np.array([3.0, 4.0])) == pytest.approx(2.0 / 30.0)  # 25 of the way was the spreads'

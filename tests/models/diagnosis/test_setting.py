@@ -83,9 +83,8 @@ def test_half_of_what_a_law_is_off_by_over_the_whole_map_stays(
 ) -> None:
     np.testing.assert_array_equal(known.doubted(observations, 0.1).inaccuracy[3:], 0.5 * known.laws)
     again = known.doubted(observations, 0.3).doubted(observations, 0.1)
-    np.testing.assert_allclose(
-        again.inaccuracy, known.doubted(observations, 0.1).inaccuracy, rtol=1e-12
-    )  # rounding
+    # rounding
+    np.testing.assert_allclose(again.inaccuracy, known.doubted(observations, 0.1).inaccuracy, rtol=1e-12)
     assert len(known.doubted(observations, 1.0).inaccuracy) == 3
 
 

@@ -42,9 +42,8 @@ def test_the_everyday_spread_of_an_effect_does_not_tie_it_to_others() -> None:
         Signature(entry=effect("link_resistance"), slope=GROWING),
         Signature(entry=effect("analyzer_offset"), slope=300.0 * np.cos(np.arange(READINGS))),
     ]
-    plain = refinery(
-        np.zeros(READINGS), effects, SIGMA, spreads=GROWING[None]
-    )  # a whole Ohm on any ordinary day
+    # a whole Ohm on any ordinary day
+    plain = refinery(np.zeros(READINGS), effects, SIGMA, spreads=GROWING[None])
     own = replace(plain.known, spread_names=("link_resistance_Ohm",))
     assert sight(plain)[0].visible is False
     assert sight(replace(plain, known=own))[0].tied_with == ()

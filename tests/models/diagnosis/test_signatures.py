@@ -131,9 +131,8 @@ def test_how_well_a_simulated_temperature_is_known_follows_the_room(
         observations, points=replace(observations.points, time_s=observations.points.time_s + 72e3)
     )
     twenty_hours_K = signatures(later, Model.baseline(), among=()).state.sigma["T_heatsink_C"]
-    np.testing.assert_allclose(
-        twenty_hours_K**2 - sigma_K**2, (room_K + 2.0) ** 2 - room_K**2, rtol=0.1
-    )  # likewise
+    # likewise
+    np.testing.assert_allclose(twenty_hours_K**2 - sigma_K**2, (room_K + 2.0) ** 2 - room_K**2, rtol=0.1)
 
 
 @pytest.fixture(scope="module")

@@ -43,6 +43,5 @@ def test_what_the_causes_law_may_be_wrong_by_counts_for_little() -> None:
 
 def test_beside_no_cause_noise_alone_measures_it() -> None:
     left = beside(fit_of(None, np.zeros(READINGS)))
-    assert left.size == pytest.approx(
-        np.sqrt(left.watts @ np.linalg.solve(MATRIX, left.watts)), rel=1e-9
-    )  # rounding
+    # rounding
+    assert left.size == pytest.approx(np.sqrt(left.watts @ np.linalg.solve(MATRIX, left.watts)), rel=1e-9)

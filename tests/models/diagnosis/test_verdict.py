@@ -221,9 +221,8 @@ def test_a_cause_no_further_off_than_any_ordinary_part_is_not_named() -> None:
 
 def test_what_is_surely_beyond_a_thousand_benches_is_a_cause() -> None:
     head = CATALOGUE["fan_step"].headline
-    line = (
-        head.off + 4.1 * head.tolerance + 1.64 * 0.1
-    )  # 25 normal spreads, one lab of a thousand; 95 % of the fit's sigma
+    # 25 normal spreads, one lab of a thousand; 95 % of the fit's sigma
+    line = head.off + 4.1 * head.tolerance + 1.64 * 0.1
     for value, consistent in ((line - 0.01, 0.9), (line + 0.01, 0.0)):
         fit = fit_of("fan_step", ALONG, value=value)
         verdict = judge([Hypothesis(fit=fit, leftover=None, probability=0.9)], WHITENER)

@@ -46,9 +46,8 @@ def test_whitener_knows_the_log_determinant(covariance: Covariance | np.ndarray)
 
 
 def test_a_covariance_times_a_vector_is_that_of_the_matrix() -> None:
-    np.testing.assert_allclose(
-        PARTS.times(RIGHT[:, 0]), written_out(PARTS) @ RIGHT[:, 0], rtol=1e-12
-    )  # rounding
+    # rounding
+    np.testing.assert_allclose(PARTS.times(RIGHT[:, 0]), written_out(PARTS) @ RIGHT[:, 0], rtol=1e-12)
 
 
 def test_some_readings_keep_their_covariance() -> None:
@@ -86,6 +85,5 @@ def test_noise_is_on_the_diagonal() -> None:
 @pytest.mark.parametrize("covariance", [PARTS, written_out(PARTS)], ids=["parts", "whole"])
 def test_whitener_knows_the_diagonal_of_the_inverse(covariance: Covariance | np.ndarray) -> None:
     expected = np.diag(np.linalg.inv(written_out(PARTS)))
-    np.testing.assert_allclose(
-        Whitener.of(covariance).diagonal(), expected, rtol=1e-9
-    )  # condition below 1000
+    # condition below 1000
+    np.testing.assert_allclose(Whitener.of(covariance).diagonal(), expected, rtol=1e-9)
