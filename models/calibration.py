@@ -24,7 +24,7 @@ from models.diagnosis.refinery import Refinery
 from models.law_doubts import COLUMNS, law_doubts
 from sim.effects.catalogue import effect
 from sim.model import Model
-from sim.simulate import Result, simulate_each
+from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
@@ -110,10 +110,10 @@ def _simulated(
     observations: Observations, models: list[Model], near: Result | None
 ) -> list[tuple[Array, Result]]:
     """What each model says of readings (N,), and its simulation at their rows."""
-    used, row = np.unique(observations.row, return_inverse=True)
-    at = observations.points.take(used)
-    found = simulate_each([(model, at) for model in models], near, (), observations.processes)
-    return [(observations.predicted(result), result.take(row)) for result in found]
+    _, row = np.unique(observations.row, return_inverse=True)
+    return [
+        (observations.predicted(result), result.take(row)) for result in observations.results(models, near)
+    ]
 
 
 def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) -> CalibratedPhysics:

@@ -31,9 +31,8 @@ class Channel:
     unit: str
     floor: float = field(compare=False)
     accuracy: float = field(compare=False)
-    watt: float = field(
-        default=1.0, compare=False
-    )  # how much one watt of unmodelled loss moves it, for the leftover
+    # how much one watt of unmodelled loss moves it, for the leftover
+    watt: float = field(default=1.0, compare=False)
 
     def of(self, converter: Converter) -> Self:
         """The channel at a converter of another size."""
@@ -127,26 +126,21 @@ class Observations:
         """A simulation of the rows with readings, for variants to start from."""
         return reference(model, self.points.take(np.unique(self.row)))
 
-    def simulate(self, models: Sequence[Model], near: Result | None = None) -> list[Array]:
-        """Prediction of every reading by each model, in one call; rows without readings are left out.
+    def results(
+        self, models: Sequence[Model], near: Result | None = None, starts: Sequence[Array | None] = ()
+    ) -> list[Result]:
+        """A simulation of the rows with readings by each model, in one call; ``starts`` are unknowns (n, N).
 
         ``near`` is a :meth:`reference` of these very readings.
         """
-        return [predicted for predicted, _ in self.solved(models, near)]
+        at = self.points.take(np.unique(self.row))
+        return simulate_each([(model, at) for model in models], near, starts, self.processes)
 
     def solved(
         self, models: Sequence[Model], near: Result | None = None, starts: Sequence[Array | None] = ()
     ) -> list[tuple[Array, Array]]:
-        """The same, each with the unknowns (n, N) that were solved for, starting from such unknowns."""
-        at = self.points.take(np.unique(self.row))
-        results = simulate_each([(model, at) for model in models], near, starts, self.processes)
-        return [(self.predicted(result), result.state) for result in results]
-
-    def result(self, model: Model, near: Result | None = None) -> Result:
-        """A model's whole simulation at every reading's row, (M,); ``near`` as in :meth:`simulate`."""
-        used, row = np.unique(self.row, return_inverse=True)
-        (found,) = simulate_each([(model, self.points.take(used))], near, (), self.processes)
-        return found.take(row)
+        """Of :meth:`results` the prediction of every reading, (M,), and the unknowns (n, N) that were solved for."""
+        return [(self.predicted(result), result.state) for result in self.results(models, near, starts)]
 
 
 def points_of(frame: pd.DataFrame, converter: Converter) -> Points:

@@ -65,7 +65,7 @@ def test_what_the_instruments_were_found_to_be_off_by_is_expected_again(found: D
     seen, rival = found.observations, found.rivals[0]
     ahead = Ahead(points=seen.points.take(seen.row), channels=EFFICIENCY)
     beside = left_open(found.refinery, ahead, [rival.fit]).beside[0]
-    off = seen.value - seen.simulate([rival.model])[0]
+    off = seen.value - seen.solved([rival.model])[0][0]
     assert np.mean(np.abs(off - beside)) < 0.5 * np.mean(np.abs(off))
 
 

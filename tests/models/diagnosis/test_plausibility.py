@@ -27,7 +27,7 @@ def frame() -> pd.DataFrame:
 
 def rejected(frame: pd.DataFrame) -> list[RejectedColumn]:
     observations = observe(frame, prototype())
-    wrong, found = implausible(observations, observations.simulate([BASELINE])[0])
+    wrong, found = implausible(observations, observations.solved([BASELINE])[0][0])
     assert {observations.channels[k].column for k in observations.channel[wrong]} == {r.column for r in found}
     return found
 
