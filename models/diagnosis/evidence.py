@@ -359,13 +359,13 @@ def _crossed(aimed: Iterable[Fit], simulated: Iterable[Fit], known: Sequence[Sig
 
 
 def _other_variants(chosen: Sequence[Fit], candidates: Sequence[Fit]) -> list[Fit]:
-    """The same effects as what is chosen, with another threshold, or another slope of what is far from a line.
+    """The same effects as what is chosen, in another variant, or with another slope of what is far from a line.
 
     Which of them is best on tangents says little: slopes end at different values, and heat moves a threshold's rows.
     """
     sets, known = {f.effects for f in chosen}, {id(f) for f in chosen}
     same = [f for f in candidates if f.effects in sets and id(f) not in known]
-    return [f for f in same if any(t.head.starts or t.signature.entry.threshold for t in f.terms)]
+    return [f for f in same if any(t.head.starts or t.signature.entry.parameters[1:] for t in f.terms)]
 
 
 def _term(signature: Signature) -> Term:

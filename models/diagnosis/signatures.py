@@ -1,6 +1,6 @@
 """Signatures: how every effect, and every everyday spread, moves the whole vector of readings."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Self
@@ -39,9 +39,8 @@ _LIMIT = "inductor.inductance_H"  # what moves the most that can be carried
 # Assumption: of a law's doubt over the whole map, where readings agree with it from place to place
 _STAYS = 0.5
 _LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
-_STEP = (
-    0.2  # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
-)
+# of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
+_STEP = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,7 +202,7 @@ def signatures(
     base, *moved = (read(table, observations, row) for table in tables)
     ends = np.cumsum([len(entries), len(spreads), len(limit)])
     of_effects, of_spreads, of_limit, of_inputs = np.split(np.stack(moved), ends)
-    usual = [e.headline.tolerance / step_of(e) * _is_everyday(e, spreads) for _, e, _ in entries]
+    usual = [e.headline.tolerance / step_of(e) * _is_everyday(e, spreads, other) for _, e, other in entries]
     usual += [1.0 for _ in spreads]
     found = [
         Signature(entry=entry, other=other, slope=(after - base) / step_of(entry))
@@ -213,7 +212,9 @@ def signatures(
     (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, of_inputs - base)
     effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
     everyday = {
-        s.effect: s.slope * s.entry.headline.tolerance for s in found if _is_everyday(s.entry, spreads)
+        s.effect: s.slope * s.entry.headline.tolerance
+        for s in found
+        if _is_everyday(s.entry, spreads, s.other)
     }
     everyday |= _instrument_spreads(observations, baseline.converter, per_watt) | {
         "measured V1": V1,
@@ -263,8 +264,16 @@ def applies(entry: Effect, converter: Converter) -> bool:
     return True
 
 
-def _is_everyday(entry: Effect, spreads: tuple[Spread, ...]) -> bool:
-    """Whether every bench has a little of an effect, beside the spreads of the converter's parameters."""
+def _is_everyday(
+    entry: Effect, spreads: tuple[Spread, ...], other: Mapping[str, float] | None = None
+) -> bool:
+    """Whether every bench has a little of an effect, beside the spreads of the converter's parameters.
+
+    ``other`` are the values beside its headline's: of several variants it is the one with all of them at off.
+    """
+    off = entry.off_values()
+    if any(value != off[name] for name, value in (other or {}).items()):
+        return False
     paths = entry.paths if isinstance(entry, ParameterEffect) else ()
     own = entry.together or {spread.path for spread in spreads}.isdisjoint(paths)
     return own and not entry.threshold and entry.headline.tolerance > 0

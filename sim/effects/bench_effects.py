@@ -15,6 +15,8 @@ from sim.size import current_range_A
 
 Array = NDArray[np.float64]
 
+_HOUR_S = 3600.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DutyOffset(Effect):
@@ -39,7 +41,7 @@ class AmbientDrift(Effect):
         return (
             points
             if rate == 0.0
-            else replace(points, ambient_C=points.ambient_C + rate * points.time_s / 3600)
+            else replace(points, ambient_C=points.ambient_C + rate * points.time_s / _HOUR_S)
         )
 
 
@@ -72,13 +74,14 @@ class FanStep(Effect):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WarmUpDrift(Effect):
-    """All losses rise slowly over the campaign."""
+    """All losses rise over the campaign, like the temperature of something slow that starts cold."""
 
     def added_loss_W(self, points: Points, state: Mapping[str, Array], values: Values) -> Array | float:
-        """A share of the loss that grows with time up to its value at the last point."""
+        """A share of the loss that approaches its end with a time constant; the value is that at the last point."""
         end_s = max(float(np.max(points.time_s)), 1e-9)
-        loss = state["P1_W"] - state["P2_W"]
-        return np.asarray(self.value(values) * loss * points.time_s / end_s)
+        slow_s = self.value(values, "time_constant_s")
+        course = np.expm1(-np.asarray(points.time_s) / slow_s) / np.expm1(-end_s / slow_s)
+        return np.asarray(self.value(values) * (state["P1_W"] - state["P2_W"]) * course)
 
 
 def _show_input(points: Points, truth: dict[str, Array], power_W: Array) -> dict[str, Array]:
@@ -174,7 +177,19 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
     WarmUpDrift(
         name="warm_up_drift",
         stage="thermal, time",
-        parameters=(_one("relative_loss_at_end", "1", 0.005, 0.1, -0.5, 1.0),),
+        parameters=(
+            _one("relative_loss_at_end", "1", 0.005, 0.1, -0.5, 1.0),
+            EffectParameter(
+                name="time_constant_s",
+                scan=(100 * _HOUR_S, 10 * _HOUR_S, 5 * _HOUR_S, 2 * _HOUR_S),
+                unit="s",
+                tolerance=0.0,
+                prior=10 * _HOUR_S,
+                lower=60.0,
+                upper=1e8,
+                off=100 * _HOUR_S,  # a straight line over any campaign
+            ),
+        ),
         law=0.1,
         over_time=True,
         says="losses rise over the campaign: something warms up more slowly than the settling waits for",

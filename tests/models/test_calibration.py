@@ -30,8 +30,8 @@ def test_rows_near_the_edge_tell_the_inductance_from_efficiency_alone() -> None:
     assert abs(known_H / inductance_H - 1) < 2e-3
 
 
-def test_a_drift_is_followed_where_its_law_is_another() -> None:
-    """The lab's losses saturate, the catalogue's rise on a straight line."""
+def test_a_drift_is_followed_to_its_end() -> None:
+    """Losses that saturate with the lab's own time constant, which none of the catalogue's is."""
     lab = Laboratory.draw(seed=150_004, hidden={"warm_up_drift": 0.11})
     plan = schedule(*set_points(60, seed=12))
     found = diagnose(load_measurements(survey(lab, plan, seed=1)))

@@ -65,7 +65,7 @@ def test_a_slope_predicts_another_small_step(
 ) -> None:
     (signature,) = (s for s in known.effects if s.effect == name)
     step, mask = 0.5 * step_of(signature.entry), observations.of(channel)
-    (seen,) = observations.simulate([Model.baseline().with_effect(name, **signature.values(step))])
+    ((seen, _),) = observations.solved([Model.baseline().with_effect(name, **signature.values(step))])
     moved, said = (seen - known.baseline)[mask], signature.slope[mask] * step
     # what is not linear in half a step of a fifth of the prior is a few per cent of the largest move
     np.testing.assert_allclose(said, moved, atol=0.05 * np.max(np.abs(moved)))
@@ -152,7 +152,7 @@ def test_a_reading_that_bends_near_the_edge_says_less(up_to_the_edge: Observatio
     known = signatures(kept, Model.baseline())
     inductance = known.spread_names.index("inductor.inductance_H")
     spread = known.spread_entries[inductance]
-    (less,) = kept.simulate([Model(converter=spread.shifted(prototype(), -1.0))])
+    ((less, _),) = kept.solved([Model(converter=spread.shifted(prototype(), -1.0))])
     line = known.baseline - known.spreads[inductance]  # through one sigma
     missed = np.abs(less - line)
     assert missed.max() > 0.5  # W, some times the noise of a reading
@@ -170,3 +170,13 @@ def test_a_reference_of_two_processes_is_that_of_the_rows_with_power_to_spare(
     expected = up_to_the_edge.take(spare).reference(Model.baseline())
     assert near is not None
     np.testing.assert_allclose(near["P1_W"], expected["P1_W"], rtol=1e-9)  # rounding
+
+
+def test_every_bench_warms_up_a_little_on_a_straight_line(known: Signatures) -> None:
+    courses = {s.other["time_constant_s"]: s for s in known.effects if s.effect == "warm_up_drift"}
+    straight = courses[CATALOGUE["warm_up_drift"].off_values()["time_constant_s"]]
+    assert len(courses) == 4
+    np.testing.assert_array_equal(
+        known.spreads[known.spread_names.index("warm_up_drift")],
+        straight.entry.headline.tolerance * straight.slope,
+    )

@@ -241,9 +241,14 @@ def test_it_says_what_is_wrong_and_what_to_check(entry: Effect) -> None:
 
 
 @EVERY
-def test_a_threshold_effect_lists_the_thresholds_to_try(entry: Effect) -> None:
-    assert entry.threshold == any(p.scan for p in entry.parameters)
-    assert len(entry.variants()) == (1 if not entry.threshold else len(entry.parameters[1].scan))
+def test_an_effect_lists_the_values_to_try_beside_its_headline(entry: Effect) -> None:
+    further = entry.parameters[1:]
+    assert all(p.scan for p in further)
+    assert not entry.threshold or further
+    assert len(entry.variants()) == math.prod(len(p.scan) for p in further)
+    assert entry.threshold or all(
+        p.off in p.scan for p in further
+    )  # the variant that every bench has a little of
 
 
 def test_the_error_for_an_unknown_name_names_the_nearest() -> None:

@@ -1,5 +1,6 @@
 """What each kind of effect does, where the answer is known by hand."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -49,9 +50,16 @@ def test_a_warm_room_warms_the_heatsink_with_time() -> None:
 
 
 def test_warm_up_adds_its_share_at_the_end() -> None:
-    before, after = pair("warm_up_drift", relative_loss_at_end=0.1)
+    before, after = pair("warm_up_drift", relative_loss_at_end=0.1, time_constant_s=1e7)
     loss_W = before["P1_W"] - before["P2_W"]
     np.testing.assert_allclose(after["P1_W"] - before["P1_W"], loss_W * [0.0, 0.05, 0.1], atol=1e-3)
+
+
+def test_what_warms_up_fast_is_warm_long_before_the_end() -> None:
+    before, after = pair("warm_up_drift", relative_loss_at_end=0.1, time_constant_s=180.0)
+    loss_W = before["P1_W"] - before["P2_W"]
+    halfway = 1.0 / (1.0 + math.exp(-900.0 / 180.0))  # a lag's share of its end, at half of the time
+    np.testing.assert_allclose(after["P1_W"] - before["P1_W"], 0.1 * loss_W * [0.0, halfway, 1.0], atol=1e-3)
 
 
 def test_the_fan_runs_where_the_heatsink_is_warm() -> None:
