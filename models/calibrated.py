@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 
 PLAIN = 5  # columns of a place without its laws' doubts
 _SURE = 2.0  # standard deviations of the most that can be carried
+_EDGES = 2e-3  # Assumption: of the half period, how well a calibrated model knows where an edge just switches softly
 _LIMIT = 2e-3  # Assumption: of it, how well the simulator itself knows it
 _COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
 _FINE = np.arange(0.95, 1.05, 2e-4)  # and of what was found
@@ -188,6 +189,7 @@ class Vouched:
 
     of: CalibratedPhysics
     spare: float
+    edges_known_to: float = _EDGES
 
     def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
         """As that of the calibrated model; NaN too where there is not that much to spare, of power or of time."""

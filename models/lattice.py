@@ -5,9 +5,16 @@ large lattice in one call and small ones around the best hills of each load are 
 only near its top: at light load some narrow ones, where an edge just switches softly, lie within hundredths of a
 point of each other. One that is too narrow for the nodes at one load is found at the next: loads side by side have
 optima side by side, so each is offered the tops of its neighbours.
+
+A model that knows its own edges only so well has its optimum where it is highest on average over as much in D1 and D2.
+The top of a hill is often the very line along which an edge just switches softly, with a slope on one side of it and
+next to none on the other: half of the time the top of the bench lies a little further, and it is the slope that was
+chosen.
 """
 
 from dataclasses import dataclass
+from itertools import product
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +30,21 @@ _OFFERED = (0, 3, 2, 0)  # of the best tops of either neighbour in load, whose o
 _SAME, _APART = 0.03, 0.08  # in D1 and D2: tops nearer to each other are one top, or on one ridge
 _AROUND = np.linspace(-1.0, 1.0, 5)
 _NARROWER = 0.4
+_LOWER = (
+    1e-3  # of efficiency: by how much a hill may stay below the highest that is the better one on average
+)
+_ASIDE = np.array(list(product((-1, 0, 1), repeat=2)))  # from a place to those that it is averaged over
 _DIGITS = 9  # of D1, D2 and W: points that differ by less are one
+
+
+@runtime_checkable
+class UnsureOfEdges(Protocol):
+    """An efficiency model that knows where edges switch softly to ``edges_known_to`` in D1 and D2."""
+
+    @property
+    def edges_known_to(self) -> float:
+        """One sigma, as a share of the half period."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,21 +90,54 @@ def hills_on_lattice(model: EfficiencyModel, loads_W: Floats) -> Hills:
 def optimise_on_lattice(model: EfficiencyModel, loads_W: Floats) -> OptimumTable:
     """D1 and D2 of the highest predicted efficiency at each load (L,); NaN where nothing carries it.
 
-    ``regret`` is NaN: there is no exact optimum to compare with. The model's own NaN marks what cannot run.
+    Of a model that is :class:`UnsureOfEdges` it is the highest on average over as much. ``regret`` is NaN: there is no
+    exact optimum to compare with. The model's own NaN marks what cannot run.
     """
     loads = np.asarray(loads_W, dtype=np.float64)
     hills = hills_on_lattice(model, loads)
+    if isinstance(model, UnsureOfEdges):
+        hills = _averaged(model, model.edges_known_to, hills, loads)
     highest = np.arange(loads.size), np.argmax(hills.efficiency, axis=1)
+    D1, D2 = hills.D1[highest], hills.D2[highest]
     reached = np.isfinite(hills.efficiency[highest])
+    predicted = np.full(loads.size, np.nan)
+    if np.any(reached):
+        predicted[reached] = model.predict(D1[reached], D2[reached], loads[reached])
     return OptimumTable(
         power_W=loads,
-        D1=np.where(reached, hills.D1[highest], np.nan),
-        D2=np.where(reached, hills.D2[highest], np.nan),
-        predicted=np.where(reached, hills.efficiency[highest], np.nan),
+        D1=np.where(reached, D1, np.nan),
+        D2=np.where(reached, D2, np.nan),
+        predicted=predicted,
         regret=np.full(loads.size, np.nan),
         confirmed=reached,
         optimiser="lattice, refined",
         evaluations=_FIRST**2 + (sum(_HILLS) + 2 * sum(_OFFERED)) * _AROUND.size**2,
+    )
+
+
+def _averaged(model: EfficiencyModel, aside: float, hills: Hills, loads: Floats) -> Hills:
+    """About the best tops of each load the places (L, hills) that are highest on average over so much aside.
+
+    A place is averaged where all of that can run. A load that has none such keeps its tops.
+    """
+    best = np.max(hills.efficiency, axis=1, keepdims=True)
+    load, hill = np.nonzero(np.isfinite(hills.efficiency) & (hills.efficiency >= best - _LOWER))
+    top = np.stack([hills.D1[load, hill], hills.D2[load, hill]], axis=1)
+    place = np.clip(top[:, None] + aside * _ASIDE, 0.0, 1.0)  # (K, 9, 2)
+    movable = ((place > 0.0) & (place < 1.0))[:, :, None]  # there is no edge at the ends
+    beside = np.clip(place[:, :, None] + aside * _ASIDE * movable, 0.0, 1.0)  # (K, 9, 9, 2)
+    power_W = np.broadcast_to(loads[load][:, None, None], beside.shape[:-1])
+    mean = _Seen(model).values_at(beside[..., 0], beside[..., 1], power_W).mean(axis=2)
+    chosen = np.arange(load.size), np.argmax(mean, axis=1)
+    value = np.full_like(hills.efficiency, -np.inf)
+    value[load, hill] = mean[chosen]
+    D1, D2 = hills.D1.copy(), hills.D2.copy()
+    D1[load, hill], D2[load, hill] = place[chosen].T
+    kept = ~np.any(np.isfinite(value), axis=1, keepdims=True)
+    return Hills(
+        efficiency=np.where(kept, hills.efficiency, value),
+        D1=np.where(kept, hills.D1, D1),
+        D2=np.where(kept, hills.D2, D2),
     )
 
 
@@ -119,7 +173,11 @@ class _Seen:
 
     def values(self, loads: Floats, D1: Floats, D2: Floats) -> Floats:
         """Efficiency at candidates (L, K) of each load, -inf where it is not carried."""
-        asked = np.stack([D1.ravel(), D2.ravel(), np.repeat(loads, D1.shape[1])], axis=1)
+        return self.values_at(D1, D2, np.repeat(loads[:, None], D1.shape[1], axis=1))
+
+    def values_at(self, D1: Floats, D2: Floats, power_W: Floats) -> Floats:
+        """The same at points, all of one shape."""
+        asked = np.stack([D1.ravel(), D2.ravel(), power_W.ravel()], axis=1)
         place, known = np.concatenate([self._place, asked]), self._value.size
         _, first, which = np.unique(np.round(place, _DIGITS), axis=0, return_index=True, return_inverse=True)
         new = np.sort(first[first >= known])

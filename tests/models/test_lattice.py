@@ -105,3 +105,65 @@ def test_no_point_is_asked_twice() -> None:
 
     hills_on_lattice(Counting(), LOADS)
     assert len(asked) == len(set(asked))
+
+
+@dataclass(frozen=True)
+class Cliff:
+    """A slope up to a line along which it ends, and a very little less all the way behind that line."""
+
+    edges_known_to: float = 0.002
+
+    def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+        beyond = np.asarray(D1) - 0.6
+        return (
+            0.97 + np.where(beyond < 0.0, 5e-2 * beyond, -1e-4 * beyond) - 1e-3 * np.abs(np.asarray(D2) - 0.2)
+        )
+
+
+def test_a_model_that_is_unsure_of_its_edges_keeps_off_the_slope_before_one() -> None:
+    @dataclass(frozen=True)
+    class Sure:
+        of: Cliff
+
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            return self.of.predict(D1, D2, power_W)
+
+    unsure = optimise_on_lattice(Cliff(), LOADS)
+    sure = optimise_on_lattice(Sure(Cliff()), LOADS)
+    np.testing.assert_allclose(sure.D1, 0.6, atol=2e-3)  # of the last steps
+    assert np.all(unsure.D1 >= 0.602 - 1e-9)  # nothing that it is averaged over lies before the edge
+    assert np.all(unsure.D1 <= sure.D1 + 0.002 + 1e-9)
+    np.testing.assert_array_equal(unsure.predicted, Cliff().predict(unsure.D1, unsure.D2, LOADS))
+
+
+def test_what_is_averaged_over_can_run() -> None:
+    class Fenced(Cliff):
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            free = np.asarray(D1) < 0.603
+            return np.where(free, 0.97 - np.abs(np.asarray(D1) - 0.6), np.nan)
+
+    found = optimise_on_lattice(Fenced(), LOADS)
+    assert np.all(found.D1 + 0.002 < 0.603)
+
+
+def test_a_load_that_can_run_at_one_place_only_keeps_it() -> None:
+    class Lonely(Cliff):
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            alone = (np.abs(np.asarray(D1) - 0.6) < 1e-4) & (np.abs(np.asarray(D2) - 0.2) < 1e-4)
+            return np.where(alone, 0.97, np.nan)
+
+    found = optimise_on_lattice(Lonely(), LOADS)
+    np.testing.assert_allclose(found.D1, 0.6, atol=1e-9)
+    assert found.confirmed.all()
+
+
+def test_a_full_pulse_has_no_edge_that_could_be_elsewhere() -> None:
+    class Full(Cliff):
+        def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Floats:
+            shorter = 0.965 - np.abs(np.asarray(D1) - 0.9)
+            short_notch = (np.asarray(D1) > 0.99) & (np.asarray(D1) < 1.0)  # too short to be made
+            value = np.where(np.asarray(D1) == 1.0, 0.9655, np.where(short_notch, np.nan, shorter))
+            return value - np.abs(np.asarray(D2) - 0.2)
+
+    found = optimise_on_lattice(Full(), LOADS)
+    np.testing.assert_array_equal(found.D1, 1.0)
