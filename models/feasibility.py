@@ -51,9 +51,8 @@ class FeasibleMap:
         if not 0 <= edge_gap < 0.5:
             raise ValueError(f"edge_gap is {edge_gap}; it must be in [0, 0.5): dead time over half period")
         loads = np.atleast_1d(np.asarray(loads_W, dtype=np.float64))
-        gap = edge_gap * (
-            1 + 1e-6
-        )  # a pulse of exactly the dead time is fine; rounding must not make it shorter
+        # a pulse of exactly the dead time is fine; rounding must not make it shorter
+        gap = edge_gap * (1 + 1e-6)
         edges = np.linspace(0.0, 1.0 - gap, lattice + 1)
         D1_edges = np.append(edges, 1.0) if gap else edges
         D2_edges = 1.0 - D1_edges[::-1]

@@ -219,10 +219,8 @@ def _text(stage: EfficiencyModel) -> str:
 
 
 def _calibrated(path: Path, sha256: object) -> EfficiencyModel:
-    from models.calibrated_file import (
-        CalibratedFileError,
-        read_calibrated,
-    )  # here: the simulator loads slowly
+    # here: the simulator loads slowly
+    from models.calibrated_file import CalibratedFileError, read_calibrated
 
     try:
         text = path.read_text(encoding="utf-8")

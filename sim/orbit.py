@@ -27,9 +27,8 @@ class Accuracy:
     power: float
 
 
-FINE = Accuracy(
-    closed=1e-10, settled=1e-9, power=2e-7
-)  # 25 fs at 20 kHz: far below anything measured, above rounding
+# 25 fs at 20 kHz: far below anything measured, above rounding
+FINE = Accuracy(closed=1e-10, settled=1e-9, power=2e-7)
 NEAR = Accuracy(closed=1e-6, settled=1e-6, power=1e-5)  # one step of Newton's rule from there is fine
 COARSE = Accuracy(closed=1e-5, settled=1e-5, power=1e-3)  # while something else still moves
 

@@ -10,9 +10,8 @@ from sim.parameters import Converter, Quantity
 
 Array = NDArray[np.float64]
 
-_PIECES_OF_EACH = (
-    4  # a bridge has four of each kind: outer and inner switches, clamp diodes, two-level switches
-)
+# a bridge has four of each kind: outer and inner switches, clamp diodes, two-level switches
+_PIECES_OF_EACH = 4
 
 
 def temperatures(converter: Converter, losses: dict[str, Array], ambient_C: Quantity) -> Temperatures:

@@ -85,9 +85,8 @@ class Inductor:
         """
         bends_A = self.saturation_A * _BENDS[1:-1]
         share = np.asarray(self.saturation, dtype=float)
-        knee = np.sqrt(
-            np.maximum(share, 1e-12) / (1.0 - share)
-        )  # saturation_A over the arctangent's own scale
+        # saturation_A over the arctangent's own scale
+        knee = np.sqrt(np.maximum(share, 1e-12) / (1.0 - share))
         at = _BENDS.reshape(-1, *(1,) * share.ndim)
         return bends_A, np.diff(np.arctan(knee * at) / knee, axis=0) / np.diff(at, axis=0)
 

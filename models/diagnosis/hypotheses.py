@@ -258,9 +258,8 @@ def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[WeighedB
         return [WeighedBeside(log_evidence=b, promised=b, step=none, sigma=none) for b in bare]
     at, first = _Values.of(fits), np.array([sum(_inside_at_first(t.head) for t in fit.terms) for fit in fits])
     prior = at.prior
-    scaled = prior[..., None] * inner[..., :size, :size] * prior[..., None, :] + np.eye(
-        size
-    )  # in the prior's units
+    # in the prior's units
+    scaled = prior[..., None] * inner[..., :size, :size] * prior[..., None, :] + np.eye(size)
     pull = prior * inner[..., :size, -1] - at.distance / prior
     inverse = np.linalg.inv(scaled)
     ahead = np.einsum("flij,flj->fli", inverse, pull)

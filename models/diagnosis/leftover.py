@@ -42,9 +42,8 @@ _LOCATIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "ac elements": ((), ("P_link1_W", "P_link2_W")),
     "everywhere": ((), (*_POWERS, "D0", "I_L_rms_A", *_TEMPERATURES)),
 }
-_LIKE_OUTPUT = {
-    "ac link, in series": ("D0", "I_L_rms_A")
-}  # that follow a watt as they follow one at the output
+# that follow a watt as they follow one at the output
+_LIKE_OUTPUT = {"ac link, in series": ("D0", "I_L_rms_A")}
 IN_TIME, GAIN_IN_TIME = "over time", "gain over time"
 _LENGTH_OF_HEAT, _LENGTH_OF_POWER = 0.3, 0.08  # of the range of the one quantity that a loss goes by
 

@@ -22,10 +22,8 @@ _MOST_OFF = 3.0  # of what the simulation expects: more is another unit
 _AMBIENT_C = (-40.0, 85.0)
 _WARM_ROOM_C = 45.0  # above it, a room may be one of 7 to 85 degC told in degrees Fahrenheit
 _FAR_NEARER = 0.25  # of the distance to what is expected: a part is hardly ever so far off
-_FAHRENHEIT = (
-    1.8,
-    0.3,
-)  # kelvin of rise are as many degrees Fahrenheit; half of what would be an error of that size
+# kelvin of rise are as many degrees Fahrenheit; half of what would be an error of that size
+_FAHRENHEIT = (1.8, 0.3)
 _STUCK = 1e-9  # relative: not even the last digit moves
 _MOVES = 5.0  # noise floors that a channel should move over the campaign before it is called stuck
 _ENOUGH = 6  # readings to judge a column by

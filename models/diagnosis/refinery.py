@@ -25,9 +25,8 @@ _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not 
 _LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
 _BEHIND_ALONE = 300.0  # of nothing
 _STILL = 0.2  # of the value's standard deviation
-_WORTH_HALVING = (
-    0.5  # the same, of half a step that lost next to no evidence: what lies between gains an eighth
-)
+# the same, of half a step that lost next to no evidence: what lies between gains an eighth
+_WORTH_HALVING = 0.5
 _LITTLE = 0.3  # in log evidence
 _GAINED = 0.1  # in log evidence: what a step of the spreads alone has to bring
 _REACH = 0.7  # prior scales that one step may go
