@@ -134,7 +134,11 @@ def open_all(
 ) -> dict[str, Instrument]:
     """Whatever can be opened, by name, closed with the stack; the inspection holds why the rest could not."""
     limits = config.limits
-    of_supply = {"set_voltage": limits.voltage_V, "set_current": limits.current_A}
+    of_supply = {
+        "set_voltage": limits.voltage_V,
+        "set_current": limits.current_A,
+        "set_power": limits.power_W,
+    }
     of_load = {"set_power": limits.power_W}
     openers: dict[str, Callable[[], Instrument]] = {
         "analyzer": lambda: _analyzer(config, clock, spy_of("analyzer")),
@@ -153,7 +157,11 @@ def open_all(
 def _inspect(config: BenchConfig, opened: Mapping[str, Instrument], inspection: Inspection) -> None:
     limits, converter = config.limits, config.converter
     needed = {
-        "supply": {"voltage_V": converter.input_voltage_V, "current_A": limits.current_A},
+        "supply": {
+            "voltage_V": converter.input_voltage_V,
+            "current_A": limits.current_A,
+            "power_W": limits.power_W,
+        },
         "load": {"power_W": limits.power_W},
     }
     for name, instrument in opened.items():

@@ -240,6 +240,7 @@ class Bench:
         supply.take_remote()
         supply.set_voltage(config.converter.input_voltage_V)
         supply.set_current_limit(config.limits.current_A)
+        supply.set_power_limit(config.limits.power_W)
         supply.on()
         self._powered = True
 

@@ -15,5 +15,6 @@ class DcSupply(DcDevice):
         self.device.write("set_voltage", voltage_V)
 
     def set_power_limit(self, power_W: float) -> None:
-        """Set the highest output power, where the instrument has that."""
-        self.device.write("set_power", power_W)
+        """Set the highest output power; an instrument without such a register has only its highest current."""
+        if "set_power" in self.device.map.registers:
+            self.device.write("set_power", power_W)

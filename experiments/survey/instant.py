@@ -99,6 +99,7 @@ class InstantBench:
                 model=SimpleNamespace(error_limit=lambda _q, _k, W, range_W: 0.0005 * W + 0.001 * range_W),
             ),
             supply=SimpleNamespace(
+                set_power_limit=nothing,
                 on=lambda: self._set(supply_on=True, supply_V=300.0), off=lambda: self._set(supply_on=False),
                 state=lambda: DcState(on=self.setting.supply_on, mode="CV", remote=True, alarms=()),
                 actual=lambda: {"U": Reading(value=300.0 * self.setting.supply_on, unit="V", time_s=0.0)}, **dc,

@@ -180,6 +180,7 @@ class FakeInstruments:
                 model=SimpleNamespace(error_limit=lambda _q, _k, W, range_W: 0.0005 * W + 0.001 * range_W),
             ),
             supply=SimpleNamespace(
+                set_power_limit=silent,
                 on=lambda: self.set("supply on", supply_on=True),
                 off=lambda: self.set("supply off", supply_on=False),
                 state=lambda: self.dc_state("supply", on=self.supply_on),

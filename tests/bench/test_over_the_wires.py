@@ -114,6 +114,32 @@ def test_a_check_lists_every_fault_at_once() -> None:
     assert "power_W = 1e+06 is needed" in found.faults[2]
 
 
+def test_a_supply_that_may_not_give_the_power_is_a_fault() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        rack.supply.counts["limit_power_max"] = rack.supply.counts["limit_power_max"] // 10
+        (fault,) = inspect_bench(config(rack), plant.clock).faults
+    assert fault.startswith("supply: power_W = 2200 is needed by bench.toml; the instrument allows 0 to 509.9")
+
+
+def test_a_power_limit_that_somebody_left_at_the_supply_is_set_anew() -> None:
+    plan = {
+        "kind": "points",
+        "standby": 1,
+        "no_load": 1,
+        "set_points": [{"D1": 0.9, "D2": 0.1, "power_W": 900}],
+    }
+    campaign = check({"name": "one point", "plan": plan}, CampaignConfig, file="campaign.toml")
+    plant = virtual_plant()
+    store = memory()
+    with Rack(plant) as rack:
+        rack.supply.counts["set_power"] //= 10  # 500 W, from the panel or an earlier program
+        outcome = run_campaign(Job.prepare(campaign, config(rack)), store, plant.clock)
+        assert rack.supply.si("set_power") == pytest.approx(2200.0, abs=5000 / 0xCCCC)  # one count
+    store.close()
+    assert outcome.rejected == 0
+
+
 def test_alarms_whose_cause_is_gone_are_acknowledged_and_the_others_stand() -> None:
     plant = virtual_plant()
     with Rack(plant) as rack:

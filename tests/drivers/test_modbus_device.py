@@ -204,6 +204,9 @@ def test_the_same_driver_serves_a_supply_without_coils_remote_mode_or_nominal_va
         supply.take_remote()
         supply.set_voltage(12.34)
         supply.set_current_limit(1.5)
+        before = dict(mock.held)
+        supply.set_power_limit(18.0)  # it has no such register
+        assert mock.held == before
         supply.on()
         mock.held |= {"actual_voltage": 1233, "actual_power": 70000, "regulation": 1}
         assert (mock.held["set_voltage"], mock.held["set_current"], mock.held["output"]) == (1234, 1500, 1)
