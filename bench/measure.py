@@ -27,6 +27,7 @@ from bench.config import MeasureConfig, SettlingConfig
 from bench.instruments import TEMPERATURES, Sample
 from bench.plan import Kind, PlannedPoint
 from bench.store.live import Settling
+from bench.wording import channel_name
 from drivers.reading import Quality
 
 Take = Callable[[], Sample]
@@ -114,7 +115,7 @@ def unsettled(window: Sequence[Sample], settings: SettlingConfig, *, power_W: fl
             said.append(f"{name} spreads by {spread[k] / scale:.2g}")
     for k, name in enumerate(TEMPERATURES, start=3):
         if abs(slope[k]) > max(settings.temperature_slope_K_per_s, SIGNIFICANT * error[k]):
-            said.append(f"{name.removesuffix('_C')} drifts by {slope[k]:.2g} K/s")
+            said.append(f"{channel_name(name)} drifts by {slope[k]:.2g} K/s")
     return ", ".join(said)
 
 

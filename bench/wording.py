@@ -9,6 +9,7 @@ _UNITS = {
     "Ohm": "Ω", "W": "W", "V": "V", "A": "A", "H": "H", "s": "s", "C": "°C", "K": "K",
     "F": "F", "J": "J", "Hz": "Hz", "K_per_h": "K/h",
 }  # fmt: skip
+_HOUR_S = 3600.0
 _PREFIXED = ("Ω", "H", "s", "F", "J")  # units that bench people say with a prefix
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
 
@@ -20,6 +21,7 @@ _CHANNELS = {
     "T_heatsink_C": "heatsink",
     "T_transformer_C": "transformer winding",
     "T_inductor_C": "inductor winding",
+    "T_ambient_C": "ambient",
 }
 
 _EFFECTS = {
@@ -230,8 +232,8 @@ def _decimals(width: float) -> int:
 def size_text(name: str, value: float) -> str:
     """How large a parameter of an effect is, without its name.
 
-    >>> size_text("resistance_Ohm", 0.0899), size_text("relative_error", 0.312)
-    ('89.9 mΩ', '31.2 %')
+    >>> size_text("resistance_Ohm", 0.0899), size_text("relative_error", 0.312), size_text("time_constant_s", 18000.0)
+    ('89.9 mΩ', '31.2 %', '5 h')
     """
     scale, _, unit = _scaled(name, value)
     return f"{value * scale:.3g}{unit}"
@@ -353,6 +355,8 @@ def _scaled(name: str, value: float) -> tuple[float, str, str]:
     unit = unit_of(name)
     if not unit:
         return (100.0, "+", " %") if name.startswith(("relative", "extra")) else (1.0, "", "")
+    if unit == "s" and abs(value) >= _HOUR_S:
+        return 1 / _HOUR_S, "", " h"
     scale, prefix = _prefix(value, unit)
     return scale, "", f" {prefix}{unit}"
 

@@ -119,7 +119,9 @@ def test_a_supply_that_may_not_give_the_power_is_a_fault() -> None:
     with Rack(plant) as rack:
         rack.supply.counts["limit_power_max"] = rack.supply.counts["limit_power_max"] // 10
         (fault,) = inspect_bench(config(rack), plant.clock).faults
-    assert fault.startswith("supply: power_W = 2200 is needed by bench.toml; the instrument allows 0 to 509.9")
+    assert fault.startswith(
+        "supply: power_W = 2200 is needed by bench.toml; the instrument allows 0 to 509.9"
+    )
 
 
 def test_a_power_limit_that_somebody_left_at_the_supply_is_set_anew() -> None:
