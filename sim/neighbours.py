@@ -213,7 +213,7 @@ def approach(
             if steps:
                 shorter = _dot(step, step) < _SHORTER**2 * _dot(steps[-1], steps[-1])
             ahead = _at(station, z + step)
-            onward = shorter & ahead.on_branch()
+            onward = shorter & ahead.on_branch() & ahead.powered()
             strayed, going = np.flatnonzero(~ends & ~onward), np.flatnonzero(~ends & onward)
             aside.append((rows[strayed], z.take(strayed, axis=1)))
             rows, origin, z = rows[going], origin[going], (z + step).take(going, axis=1)

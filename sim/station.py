@@ -213,6 +213,11 @@ class Station:
         way = np.where(self.slow.target_W < 0, -1.0, 1.0)
         return np.asarray(way * self.known.phase <= self.known.limit)
 
+    def powered(self) -> NDArray[np.bool_]:
+        """Whether the input cable leaves the dc link a voltage, (N,): a step that is far too long may take it away."""
+        V1, _ = self._voltages()
+        return np.asarray(V1 > 0.0)  # NaN is not
+
     def spare(self, state: OperatingState) -> Array:
         """About what power (relative) the points could add, (N,)."""
         return spare_power(self._circuit(), self.edges, state.regulated)

@@ -126,9 +126,11 @@ def regret(model: EfficiencyModel, truth: LabModel, best: Array) -> list[float |
     None where it does not carry that load at the model's optimum, or the model has none.
     """
     chosen = optimise_on_lattice(model, LOADS_W)
-    carried = np.isfinite(best)
-    got = truth.predict(chosen.D1[carried], chosen.D2[carried], LOADS_W[carried])
-    return [float(x) if np.isfinite(x) else None for x in _POINTS * (best[carried] - got)]
+    carried, there = np.isfinite(best), np.isfinite(chosen.D1)
+    got = np.full(LOADS_W.shape, np.nan)
+    if np.any(there):
+        got[there] = truth.predict(chosen.D1[there], chosen.D2[there], LOADS_W[there])
+    return [float(x) if np.isfinite(x) else None for x in _POINTS * (best - got)[carried]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
