@@ -92,6 +92,28 @@ def test_a_variant_settles_in_few_looks(solved: Station, response: Response) -> 
     assert sum(settled[:4]) > 0.9 * COUNT
 
 
+@pytest.mark.parametrize("times", [-1e8, 1e8])
+def test_a_step_that_takes_the_link_its_voltage_is_put_aside(
+    solved: Station, response: Response, times: float
+) -> None:
+    wild = replace(response, inverse=response.inverse.copy())
+    wild.inverse[3, -1] *= times  # the input current: ten thousand amperes through a tenth of an ohm
+    variant = station_of(replace(prototype(), input_cable_Ohm=0.1), points(), solved.start())
+    sound, astray = (
+        {
+            int(row): P1_W
+            for each in approach(variant, r, ORIGIN)
+            for row, P1_W in zip(each.rows, each.columns[1], strict=True)
+        }
+        for r in (response, wild)
+    )
+    assert 3 in astray  # by a response of its own
+    assert astray.keys() == sound.keys()
+    np.testing.assert_allclose(
+        astray[3], sound[3], rtol=1e-6
+    )  # two ways to a state that each is good to 2e-7
+
+
 @pytest.mark.parametrize(
     ("effect", "value"),
     [
