@@ -120,17 +120,23 @@ def ask_surrogates(trial: BlindTrial) -> dict[str, Any]:
     return record
 
 
-def regret(model: EfficiencyModel, truth: LabModel, best: Array) -> list[float | None]:
-    """Points of efficiency lost at a model's optimum against the best there is, at each load that the lab carries.
+def regret(model: EfficiencyModel, truth: LabModel, best: Array) -> dict[str, float | None]:
+    """Points of efficiency lost at a model's optimum against the best there is, by the load in W that the lab carries.
 
     None where it does not carry that load at the model's optimum, or the model has none.
     """
     chosen = optimise_on_lattice(model, LOADS_W)
-    carried, there = np.isfinite(best), np.isfinite(chosen.D1)
+    there = np.isfinite(chosen.D1)
     got = np.full(LOADS_W.shape, np.nan)
     if np.any(there):
         got[there] = truth.predict(chosen.D1[there], chosen.D2[there], LOADS_W[there])
-    return [float(x) if np.isfinite(x) else None for x in _POINTS * (best - got)[carried]]
+    lost = zip(LOADS_W, best, _POINTS * (best - got), strict=True)
+    return {_named(W): float(x) if np.isfinite(x) else None for W, most, x in lost if np.isfinite(most)}
+
+
+def _named(load_W: float) -> str:
+    """A load as a key of a record."""
+    return f"{load_W:g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,20 +246,22 @@ def _goal(name: str, value: float, bar: float) -> Goal:
 
 def _lost(records: Sequence[dict[str, Any]]) -> tuple[list[float], int]:
     """Points lost at the optimum over labs and loads, and how many of those could not be run there."""
-    found = [x for r in records for x in r["regret"]]
+    found = [x for r in records for x in r["regret"].values()]
     lost = [x for x in found if x is not None]
     return lost or [float("nan")], len(found) - sum(x is not None for x in found)
 
 
 def _by_load(done: Sequence[tuple[BlindTrial, dict[str, Any]]]) -> Table:
     """Of each load the points lost in the lab that lost most, and which that was."""
-    rows: list[tuple[Cell, ...]] = [(power_W,) for power_W in LOADS_W.tolist()]
-    for size in SIZES:
-        records = [record[str(size)]["regret"] for _, record in done]
-        lost = np.array([[np.nan if x is None else x for x in record] for record in records])
-        worst = np.argmax(np.nan_to_num(lost, nan=-np.inf), axis=0)
-        for load, k in enumerate(worst):
-            rows[load] += (float(lost[k, load]), done[k][0].names[0], done[k][0].seed)
+    rows: list[tuple[Cell, ...]] = []
+    for power_W in LOADS_W.tolist():
+        row: tuple[Cell, ...] = (power_W,)
+        for size in SIZES:
+            found = [(record[str(size)]["regret"].get(_named(power_W)), trial) for trial, record in done]
+            known = [(lost, trial) for lost, trial in found if lost is not None]
+            lost, trial = max(known, key=lambda pair: pair[0], default=(None, None))
+            row += (lost, trial.names[0] if trial else None, trial.seed if trial else None)
+        rows.append(row)
     columns = [f"{name}, {size} points" for size in SIZES for name in ("lost", "hidden", "seed")]
     return Table(
         title="Lost at the optimum, the worst lab of each load",

@@ -30,7 +30,7 @@ from experiments.blind.draws import (
 from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored
 from experiments.blind.seeds import ROWS, SCORING, TUNING
-from experiments.blind.surrogates import SURROGATE_PART, campaign
+from experiments.blind.surrogates import campaign
 from experiments.blind.tied import Bench, right_about_channels, separated, settled, understood
 from experiments.blind.trial import HEAVY, NOISES, UNDERSTATED, BlindTrial, ask, measured
 from experiments.blind_trials import NAMES
@@ -352,21 +352,3 @@ def test_a_pair_is_separated_without_the_rival_whatever_else_is_tied() -> None:
 
 def test_what_is_in_a_group_is_not_named_however_sure() -> None:
     assert grouped(sic_on_resistance=0.97, link_resistance=0.03).named == ()
-
-
-def test_a_load_that_is_not_carried_at_the_optimum_is_a_miss_of_its_own() -> None:
-    """It is counted, and the other loads' losses are told all the same."""
-    models = dict.fromkeys(("calibrated", "d2ea", "experiment_only", "simulation_only"), 0.005)
-    record = {"error": models, "bound": 0.003, "regret": [0.002, None] + [0.004] * 17, "verdict": "named"}
-    trial = BlindTrial(row="surrogate", seed=1, hidden=(("skin_effect", 0.5),))
-
-    class Finished:
-        def records(self, *_: object) -> list[tuple[BlindTrial, dict[str, Any]]]:
-            return [(trial, {"40": record, "400": record | {"regret": [0.001] * 19}})]
-
-    goals = {goal.name: goal for goal in SURROGATE_PART.run(Finished()).goals}  # type: ignore[arg-type]
-    stopped = "surrogate: loads that the lab does not carry at its optimum, {} points"
-    assert goals[stopped.format(40)].value == 1
-    assert not goals[stopped.format(40)].met
-    assert goals[stopped.format(400)].met
-    assert goals["surrogate: lost at its optimum, 40 points, worst load and lab"].value == 0.004
