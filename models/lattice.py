@@ -30,9 +30,8 @@ _OFFERED = (0, 3, 2, 0)  # of the best tops of either neighbour in load, whose o
 _SAME, _APART = 0.03, 0.08  # in D1 and D2: tops nearer to each other are one top, or on one ridge
 _AROUND = np.linspace(-1.0, 1.0, 5)
 _NARROWER = 0.4
-_LOWER = (
-    1e-3  # of efficiency: by how much a hill may stay below the highest that is the better one on average
-)
+# of efficiency: by how much a hill may stay below the highest that is the better one on average
+_LOWER = 1e-3
 _ASIDE = np.array(list(product((-1, 0, 1), repeat=2)))  # from a place to those that it is averaged over
 _DIGITS = 9  # of D1, D2 and W: points that differ by less are one
 
