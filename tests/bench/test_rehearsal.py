@@ -34,7 +34,7 @@ def test_a_disturbance_from_the_file_is_survived_and_listed() -> None:
 
 
 def test_a_trip_stops_it_with_the_bench_off_and_the_cause_named() -> None:
-    trip = {"instrument": "supply", "kind": "trip", "value": "OVP", "after": 30}
+    trip = {"instrument": "supply", "kind": "trip", "value": "OVP", "after": 40}  # the bench is up
     went = rehearse(CAMPAIGN, bench_config(), faults(trip))
     assert isinstance(went.error, LimitReached)
     assert "supply OVP" in str(went.error)
