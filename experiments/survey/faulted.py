@@ -25,7 +25,7 @@ ALARMS = {"supply": ("OVP", "OCP", "OT"), "load": ("OVP", "OCP", "OPP", "OT")}
 TRIPS = ("heatsink_overtemperature", "overcurrent")
 LATCHED = frozenset({"trip", "heartbeat_lost"})
 MUST_STOP = LATCHED | {"local", "clip"}
-RHYTHM = {"analyzer": (120, 97), "supply": (35, 41), "load": (45, 61), "controller": (30, 23)}
+RHYTHM = {"analyzer": (120, 97), "supply": (40, 41), "load": (45, 61), "controller": (30, 23)}
 # exchanges that go well first, so that the bench is on; then one of so many is struck: not every try of a point
 SIGMAS = 6.0  # of one update: thousands of numbers are looked at, and each is the mean of four updates
 ROUNDING = 6e-6  # relative: analyzers tell six digits
