@@ -8,7 +8,7 @@ import pytest
 
 from bench.config import MeasureConfig, SettlingConfig
 from bench.instruments import TEMPERATURES, Sample
-from bench.measure import line, measure, settle, uncertainties
+from bench.measure import line, measure, settle, uncertainties, unsettled
 from drivers.clock import StepClock
 
 SETTINGS = SettlingConfig(window_s=10, sample_every_s=2, limit_s=300)
@@ -68,6 +68,11 @@ def test_a_wild_point_ends_at_the_time_limit_and_says_what_moved() -> None:
     settled = settle(take, clock.sleep, SETTINGS, power_W=2000.0)
     assert (settled.ok, settled.seconds) == (False, 300.0)
     assert "P1 spreads by 0.0" in settled.said
+
+
+def test_what_is_still_warming_is_called_by_its_name() -> None:
+    window = [sample(2.0 * k, 1000.0, heatsink_C=50.0 + 0.1 * k) for k in range(6)]
+    assert unsettled(window, SETTINGS, power_W=2000.0) == "heatsink drifts by 0.05 K/s"
 
 
 def test_a_jump_inside_the_window_is_not_settled() -> None:

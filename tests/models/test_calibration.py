@@ -43,6 +43,17 @@ def test_a_drift_is_followed_to_its_end() -> None:
     assert abs(bias) < 3e-4
 
 
+def test_the_time_constant_of_a_drift_is_found() -> None:
+    """It comes to its end long before the campaign does, where a straight line would have risen all the time."""
+    truth = Model.baseline().with_effect("warm_up_drift", relative_loss_at_end=0.15, time_constant_s=18e3)
+    table = simulated_campaign(truth, seed=4, count=60, every_s=1200.0)
+    found = diagnose(load_measurements(table))
+    assert found.verdict.stated == ("warm_up_drift",)
+    assert found.leading.term("warm_up_drift").signature.other == {"time_constant_s": 18e3}
+    # without noise, and parts hardly follow the time; a straight line reads it two fifths too large
+    assert abs(found.leading.term("warm_up_drift").value / 0.15 - 1) < 0.01
+
+
 def test_an_everyday_creep_is_followed_though_it_is_no_cause() -> None:
     end = 1.5 * effect("warm_up_drift").headline.tolerance
     truth = Model.baseline().with_effect("warm_up_drift", relative_loss_at_end=end)

@@ -177,9 +177,10 @@ def test_a_slope_that_was_learned_wrongly_is_simulated_anew() -> None:
     assert was < 0.5 * becomes  # and would have been believed
 
 
-def test_every_threshold_of_what_is_chosen_is_followed_and_no_second_line() -> None:
+@pytest.mark.parametrize("name", ["fan_step", "warm_up_drift"])
+def test_every_variant_of_what_is_chosen_is_followed_and_no_second_line(name: str) -> None:
     along = np.array([1.0, 0.0])
-    chosen, other = fit_of("fan_step", along, value=3.0), fit_of("fan_step", along, value=6.0)
+    chosen, other = fit_of(name, along, value=0.3), fit_of(name, along, value=0.6)
     lines = [fit_of("link_resistance", along, value=v) for v in (0.02, 0.04)]
     (found,) = _other_variants([chosen, lines[0]], [chosen, other, *lines])
     assert found is other

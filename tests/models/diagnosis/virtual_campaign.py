@@ -35,11 +35,11 @@ def lab_campaign(hidden: Mapping[str, float | None], *, seed: int, count: int = 
     return load_measurements(survey(lab, schedule(*set_points(count, seed)), seed=seed))
 
 
-def simulated_campaign(model: Model, *, seed: int, count: int = 60) -> pd.DataFrame:
+def simulated_campaign(model: Model, *, seed: int, count: int = 60, every_s: float = 180.0) -> pd.DataFrame:
     """What a model says of a campaign, without any noise, every fifth row measured twice."""
     D1, D2, power = set_points(count, seed)
     order = np.sort(np.concatenate([np.arange(D1.size), np.arange(0, D1.size, 5)]))
-    D1, D2, power, time_s = D1[order], D2[order], power[order], 180.0 * np.arange(order.size)
+    D1, D2, power, time_s = D1[order], D2[order], power[order], every_s * np.arange(order.size)
     result = simulate(model, Points(D1=D1, D2=D2, power_W=power, time_s=time_s))
     frame = pd.DataFrame({name: result[name] for name in COLUMNS})
     frame = frame.assign(kind="load", D1=D1, D2=D2, time_s=time_s)
