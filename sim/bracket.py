@@ -29,7 +29,7 @@ _SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: two scans narrow the phase to 2
 _SCANS = 2
 _SCAN_ROUNDS = 3  # of Newton's rule: its error is then below that of the scan
 # a peak is where the lossless power is this share of its most, or a little beyond
-_HIGH, _FURTHEST = (0.9, 0.52)
+_HIGH, _FURTHEST = 0.9, 0.52
 _PEAK_ABOVE = 0.95  # the peak stands above the power at phase 1/2 by less than this leaves
 
 

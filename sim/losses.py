@@ -44,7 +44,7 @@ def _path_integrals(
     """The active state of a bridge with the current along its voltage (K, N), against it, and the zero state."""
     half_period, charge, square = pieces.half_period_s, through.charge, through.square
     # a share where the sign is a mean
-    live, positive = (np.abs(voltage_V) > 0.5 * link_V, 0.5 + 0.5 * through.sign)
+    live, positive = np.abs(voltage_V) > 0.5 * link_V, 0.5 + 0.5 * through.sign
     along = np.where(live, np.where(voltage_V > 0, positive, 1.0 - positive), 0.0)
     against = np.where(live, 1.0 - along, 0.0)
     signed = np.where(voltage_V > 0, charge, -charge)

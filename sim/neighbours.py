@@ -31,7 +31,7 @@ Rows = NDArray[np.intp]
 
 _ROUNDS = 8
 # from the second look on so few have their own response taken: it costs no more than a look
-_AGAIN, _HANDFUL = (1, 40)
+_AGAIN, _HANDFUL = 1, 40
 # times that those put aside have their response taken: rounds of a single point cost ten such looks
 _ANEW = 4
 _FEW, _SHARE = 60, 1 / 30  # of all: more would cost as much as they save

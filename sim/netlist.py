@@ -36,7 +36,7 @@ _ROUNDING_V = 1e-3
 _LEAK_S = 1e-8  # conductance of an open channel
 _EMISSION = 1000  # of a junction that is only a capacitance: no forward drop of a device makes it conduct
 # at every node, for Newton's method: at most so much, and of a junction's mean
-_SHUNT_F, _LEAST_SHUNT = (1e-12, 1e-3)
+_SHUNT_F, _LEAST_SHUNT = 1e-12, 1e-3
 _RAMP = 0.005  # of the dead time: a gate's slope
 _NO_DEAD_TIME = 0.01  # of half a period: what stands for a dead time where there is none
 _CONDUCTING_V = 5.0  # a device with less across it conducts; what it loses with more is switching

@@ -27,7 +27,7 @@ _UNEXPLAINED = 4.0  # squared sigmas per reading: noise that is understated by h
 BY_CHANCE = 4.5  # sigmas by which two readings of one row may miss the same
 _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell two causes apart
 # times the leftover's length; a threshold catches what is not smooth
-_ABOVE_LEFTOVER, _THRESHOLD_ABOVE = (1.25, 3.0)
+_ABOVE_LEFTOVER, _THRESHOLD_ABOVE = 1.25, 3.0
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
 _LIKELY = 0.5  # probability from which a leftover, or a threshold that is no cause, has to be reckoned with
 # sigmas of a leftover that the model's own shortcomings have on any bench; beside a cause, whose law misses a little
