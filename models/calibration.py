@@ -187,7 +187,7 @@ def _moved(model: Model, off: float) -> Model:
 def _variants(refinery: Refinery, fit: Fit) -> Iterator[Model]:
     """The model at one standard deviation along each axis of what the measurements leave open."""
     known, own = refinery.known, fit.own(refinery.known)
-    size, prior = len(known.spread_entries), np.array([t.head.prior for t in fit.terms])
+    size, prior = len(known.modes), np.array([t.head.prior for t in fit.terms])
     directions = np.concatenate(
         [known.spreads[:size], *(p * t.slope[None] for p, t in zip(prior, fit.terms, strict=True))]
     )
@@ -201,4 +201,4 @@ def _variants(refinery: Refinery, fit: Fit) -> Iterator[Model]:
     spreads = refinery.spreads(fit)
     for length, axis in zip(np.sqrt(np.maximum(variance, 0.0)), axes.T, strict=True):
         step = length * axis
-        yield refinery.model(fit.moved(prior * step[size:]), spreads + step[:size])
+        yield refinery.model(fit.moved(prior * step[size:]), spreads + known.modes.parts(step[:size]))

@@ -19,21 +19,29 @@ __all__ = [
 ]  # fmt: skip
 
 _LEAST_PER_K = -1.0 / (HOTTEST_C - REFERENCE_C)
+_HOT_C = 125.0  # the hot end of datasheets' on-resistance
+_LEAST_SHARE = 0.1  # of the cold resistance: a parabola far beyond where it was read leads to none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conduction:
-    """A drop ``threshold + resistance * i``; both parts move with junction temperature (relative, per K)."""
+    """A drop ``threshold + resistance * i``; both parts move with junction temperature (relative, per K).
+
+    ``resistance_per_K`` is the line from 25 to 125 degC, both of which datasheets give; ``resistance_bend_per_K2`` is
+    how the resistance bends off it, ``b (T - 25) (T - 125)``, down to a tenth of the cold one at least.
+    """
 
     threshold_V: Quantity
     resistance_Ohm: Quantity
     threshold_per_K: Quantity = 0.0
     resistance_per_K: Quantity = 0.0
+    resistance_bend_per_K2: Quantity = 0.0
 
     def __post_init__(self) -> None:
         not_negative(self, "threshold_V", "resistance_Ohm")
         check(self, f"> {_LEAST_PER_K:.2g}, else none is left at {HOTTEST_C:.0f} degC", lambda x: x > _LEAST_PER_K,
               "threshold_per_K", "resistance_per_K")  # fmt: skip
+        check(self, "a number", lambda x: x == x, "resistance_bend_per_K2")
 
     def at(self, junction_C: Quantity) -> tuple[Quantity, Quantity]:
         """Threshold in V and resistance in Ohm at a junction temperature.
@@ -41,13 +49,14 @@ class Conduction:
         >>> threshold_V, resistance_Ohm = Conduction(
         ...     threshold_V=0.8, resistance_Ohm=0.027, threshold_per_K=-0.001, resistance_per_K=0.0036
         ... ).at(125.0)
-        >>> round(threshold_V, 3), round(resistance_Ohm, 5)
+        >>> round(threshold_V, 3), round(float(resistance_Ohm), 5)
         (0.72, 0.03672)
         """
         rise = junction_C - REFERENCE_C
+        bent = self.resistance_bend_per_K2 * (junction_C - _HOT_C)
         return (
             self.threshold_V * (1 + self.threshold_per_K * rise),
-            self.resistance_Ohm * (1 + self.resistance_per_K * rise),
+            self.resistance_Ohm * np.maximum(1 + (self.resistance_per_K + bent) * rise, _LEAST_SHARE),
         )
 
 

@@ -87,7 +87,7 @@ def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen
     across = known.spreads.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))
     common = there.spreads.T @ there.spreads + accuracy.ahead(there.inaccuracy) - across.T @ solved
-    parts = slice(len(known.spread_entries))
+    parts = slice(len(known.modes))
     other = across - known.spreads[parts].T @ there.spreads[parts]
     size = len(ahead.points) * len(ahead.channels)
     beside, covariance = np.zeros((len(fits), size)), np.zeros((len(fits), size, size))

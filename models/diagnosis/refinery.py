@@ -113,7 +113,7 @@ class Refinery:
         return [weighed.at(0) for weighed in weigh(fits, seen, self.geometry, own)] if fits else []
 
     def spreads(self, fit: Fit) -> Array:
-        """The most probable state of the everyday spreads under a fit, in sigmas, (K,)."""
+        """The most probable state of the parts' everyday spreads under a fit, in sigmas, (K,)."""
         own, left, beside = fit.own(self.known), self.residual - fit.shift, self.law(fit)
         onto, between = self.geometry.spreads_solved @ left, self.geometry.between_spreads
         if beside:
@@ -126,11 +126,12 @@ class Refinery:
             inner = np.eye(own.size) - between[np.ix_(own, own)]
             onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]
         onto[own] = 0.0
-        return np.clip(onto[: len(self.known.spread_entries)], -_WITHIN, _WITHIN)
+        parts = self.known.modes.parts(onto[: len(self.known.modes)])
+        return np.clip(parts, -_WITHIN, _WITHIN)
 
     def model(self, fit: Fit, spreads: Array) -> Model:
         """The baseline with these spreads and the fit's effects."""
-        state = zip(self.known.spread_entries, spreads.tolist(), strict=True)
+        state = zip(self.known.modes.spreads, spreads.tolist(), strict=True)
         converter = shifted_together(self.baseline.converter, state)
         model = Model(converter=converter, effects=self.baseline.effects)
         for term in fit.terms:
@@ -147,7 +148,7 @@ class Refinery:
         starts = [self._start(fit, state) for fit, state in zip(fits, states, strict=True)]
         solved, seen = self.observations.solved(models, self.near, starts), []
         for fit, state, start, (here, there) in zip(fits, states, starts, solved, strict=True):
-            shift = here - state @ self.known.spreads[: state.size] - self.known.baseline
+            shift = here - self.known.moved(state) - self.known.baseline
             bend = 0.0 if start is None else fit.bend + np.nan_to_num(there - start)
             shift = np.where(np.isfinite(shift), shift, fit.shift)
             seen.append(replace(fit, shift=shift, bend=bend, spreads=state))

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.common_mode import CommonModes
 from models.diagnosis.inaccuracy import inaccuracy, of_laws
 from models.diagnosis.lines import Lines, key_of
 from models.diagnosis.observations import Observations
@@ -70,7 +71,7 @@ class Signature:
 class Signatures:
     """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
 
-    The first directions are those of the converter's ``spread_entries``; then come the effects that have an everyday
+    The first directions are the ``modes`` of the converter's parts; then come the effects that have an everyday
     tolerance of their own, by name, and the instruments.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction, and
     where efficiency is alone how far a limit one sigma off bends it;
@@ -83,7 +84,7 @@ class Signatures:
 
     baseline: Array
     effects: tuple[Signature, ...]
-    spread_entries: tuple[Spread, ...]
+    modes: CommonModes
     spread_names: tuple[str, ...]
     spreads: Array
     input_sigma: Array
@@ -113,8 +114,12 @@ class Signatures:
         return replace(self, inaccuracy=np.concatenate([less, whole_map]), doubt=doubt)
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
-        """Which directions are the everyday spread of the very parameters that effects change, (k,)."""
+        """Which directions are the everyday spread of the very parameters that effects change together, (k,)."""
         return _own_spreads(names, self.spread_names)
+
+    def moved(self, parts: Array) -> Array:
+        """What the readings (M,) move by on straight lines, with parts (K,) off by so many sigmas."""
+        return np.asarray(self.modes.along(parts) @ self.spreads[: parts.size])
 
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
@@ -220,12 +225,13 @@ def signatures(
         "measured V1": V1,
         "measured V2": V2,
     }
+    modes = CommonModes.of(spreads, baseline.converter)
     return Signatures(
         baseline=base,
         effects=effects,
-        spread_entries=spreads,
-        spread_names=(*(s.path for s in spreads), *everyday),
-        spreads=np.concatenate([of_spreads - base, np.stack(list(everyday.values()))]),
+        modes=modes,
+        spread_names=(*modes.names, *everyday),
+        spreads=np.concatenate([modes.axes @ (of_spreads - base), np.stack(list(everyday.values()))]),
         input_sigma=np.hypot(input_sigma, bent),
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near, baseline.converter),

@@ -85,3 +85,16 @@ def test_leaves_name_every_value_by_its_path() -> None:
 def test_a_drop_that_is_gone_when_hot_is_refused(name: str) -> None:
     with pytest.raises(ParameterError, match=rf"Conduction\.{name} is -0.005; allowed: .* at 250 degC"):
         Conduction(threshold_V=1.0, resistance_Ohm=0.01, **{name: -0.005})
+
+
+def test_a_resistance_bends_off_the_line_through_25_and_125_degrees() -> None:
+    line = Conduction(threshold_V=0.0, resistance_Ohm=0.02, resistance_per_K=0.0032)
+    bent = replace(line, resistance_bend_per_K2=1.5e-5)
+    junction_C = np.array([25.0, 75.0, 125.0, 175.0])
+    off = bent.at(junction_C)[1] / 0.02 - line.at(junction_C)[1] / 0.02
+    np.testing.assert_allclose(off, [0.0, -0.0375, 0.0, 0.1125], atol=1e-12)  # rounding
+
+
+def test_a_resistance_that_bends_far_down_is_some_all_the_same() -> None:
+    bent = Conduction(threshold_V=0.0, resistance_Ohm=0.02, resistance_bend_per_K2=-1e-4)
+    assert bent.at(250.0)[1] == pytest.approx(0.002)

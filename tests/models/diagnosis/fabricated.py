@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from models.diagnosis.common_mode import CommonModes
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.law import Laws
@@ -52,7 +53,7 @@ def known(effects: Sequence[Signature], readings: int, spreads: Array | None = N
     return Signatures(
         baseline=np.zeros(readings),
         effects=tuple(effects),
-        spread_entries=(),
+        modes=CommonModes.of((), prototype()),
         spread_names=tuple(f"spread {k}" for k in range(len(directions))),
         spreads=directions,
         input_sigma=np.zeros(readings),

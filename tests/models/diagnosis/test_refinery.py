@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from models.diagnosis.common_mode import CommonModes
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery, _taught
 from models.diagnosis.signatures import Signature
 from sim.effects.catalogue import effect
 from sim.model import Model
+from sim.prototype import prototype
 from sim.spread import Spread
 from tests.models.diagnosis.fabricated import LinearBench, joint_fit, refinery
 
@@ -45,7 +47,7 @@ def bench(value: Array) -> Refinery:
     linear = refinery(value, [LINK], SIGMA, WAVE[None])
     return replace(
         linear,
-        known=replace(linear.known, spread_entries=(CABLE,), spread_names=(CABLE.path,)),
+        known=replace(linear.known, modes=CommonModes.of((CABLE,), prototype()), spread_names=(CABLE.path,)),
         observations=KinkedBench(value, [LINK]),  # type: ignore[arg-type]  # as much of it as a refinery needs
     )
 

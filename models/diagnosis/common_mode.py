@@ -1,0 +1,85 @@
+r"""Everyday spreads of parts that one effect changes together: what they have in common, and how they differ.
+
+An effect on several parts takes the place of what their spreads have in common; how the parts differ from each other is
+everyday all the same. With z the parts' spreads in sigmas and d what the effect moves each by, the common one is
+:math:`d^T z / \|d\|`, and those at right angles to it are the differences. All are independent and of one sigma, as the
+parts themselves are: the axes are turned, and nothing else.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.effects.base import Effect
+from sim.effects.catalogue import CATALOGUE
+from sim.effects.scalings import ParameterEffect
+from sim.parameters import Converter
+from sim.spread import Spread
+
+Array = NDArray[np.float64]
+
+_STEP = 0.01  # of an effect's prior scale: parts go along
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommonModes:
+    """The spreads of K parts, and the names and directions (K, K) of their axes, orthonormal, in sigmas of the parts.
+
+    An axis that is common to the parts of an effect has the effect's name, every other that of its part.
+    """
+
+    spreads: tuple[Spread, ...]
+    names: tuple[str, ...]
+    axes: Array
+
+    @classmethod
+    def of(cls, spreads: tuple[Spread, ...], converter: Converter) -> Self:
+        """For the spreads of a converter's parts."""
+        names, axes = [s.path for s in spreads], np.eye(len(spreads))
+        place = {s.path: k for k, s in enumerate(spreads)}
+        for name, entry in CATALOGUE.items():
+            if not isinstance(entry, ParameterEffect) or entry.replaces:
+                continue
+            own = [place[path] for path in entry.paths if path in place]
+            if len(own) < 2:
+                continue
+            moved = _moved(entry, converter, [spreads[k] for k in own])
+            axes[np.ix_(own, own)] = _turned_to(moved)
+            names[own[0]] = name
+            for k in own[1:]:
+                names[k] = f"{spreads[k].path} beside {spreads[own[0]].path}"
+        return cls(spreads=spreads, names=tuple(names), axes=axes)
+
+    def __len__(self) -> int:
+        return len(self.spreads)
+
+    def along(self, parts: Array) -> Array:
+        """Parts (..., K) that are off by so many sigmas, along the axes."""
+        return np.asarray(parts @ self.axes.T)
+
+    def parts(self, along: Array) -> Array:
+        """What is off along the axes (..., K), in sigmas of the parts."""
+        return np.asarray(along @ self.axes)
+
+
+def _moved(entry: Effect, converter: Converter, parts: Sequence[Spread]) -> Array:
+    """What a small step of an effect moves each part by, in the part's sigmas."""
+    head = entry.headline
+    there = entry.converter(converter, {head.name: head.off + _STEP * head.prior})
+    moved = []
+    for part in parts:
+        value = attrgetter(part.path)
+        before = float(value(converter))
+        moved.append((float(value(there)) - before) / (part.moved(before, 1.0) - before))
+    return np.array(moved)
+
+
+def _turned_to(direction: Array) -> Array:
+    """Orthonormal axes (n, n), the first along a direction: Householder's reflection."""
+    first = direction / np.linalg.norm(direction)
+    mirror = first - np.eye(first.size)[0]
+    return np.asarray(np.eye(first.size) - 2.0 * np.outer(mirror, mirror) / (mirror @ mirror))

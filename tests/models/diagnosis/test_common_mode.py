@@ -1,0 +1,85 @@
+"""What an effect on several parts takes the place of, and what stays everyday beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.dataset import load_measurements
+from models.diagnosis.common_mode import CommonModes
+from models.diagnosis.diagnose import diagnose
+from models.diagnosis.observations import observe
+from models.diagnosis.signatures import Signatures, signatures
+from sim.effects.catalogue import effect
+from sim.model import Model
+from sim.parameters import leaves
+from sim.prototype import prototype
+from sim.spread import everyday_spread, shifted_together
+from tests.models.diagnosis.virtual_campaign import simulated_campaign
+
+SPREADS = everyday_spread(prototype())
+MODES = CommonModes.of(SPREADS, prototype())
+TOGETHER = ["skin_effect", "sic_on_resistance", "turn_off_energy_primary", "output_capacitance"]
+
+
+def test_the_axes_are_turned_and_nothing_else() -> None:
+    # rounding of some ten sums
+    np.testing.assert_allclose(MODES.axes @ MODES.axes.T, np.eye(len(MODES)), atol=1e-14)
+    parts = np.random.default_rng(1).standard_normal(len(MODES))
+    np.testing.assert_allclose(MODES.parts(MODES.along(parts)), parts, atol=1e-14)
+    assert len(set(MODES.names)) == len(MODES)
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_a_step_along_the_common_axis_is_a_little_of_the_effect(name: str) -> None:
+    along = np.zeros(len(MODES))
+    along[MODES.names.index(name)] = 1.0
+    parts = MODES.parts(along)
+    moved = leaves(shifted_together(prototype(), zip(SPREADS, parts.tolist(), strict=True)))
+    headline = effect(name).headline.name
+    there = leaves(Model.baseline().with_effect(name, **{headline: 0.1}).altered_converter())
+    before = leaves(prototype())
+    changed = [path for path in before if before[path] != there[path]]
+    assert changed == [path for path in before if before[path] != moved[path]]
+    shares = [(moved[p] - before[p]) / (there[p] - before[p]) for p in changed]  # type: ignore[operator]
+    np.testing.assert_allclose(shares, shares[0], rtol=1e-9)  # rounding
+    assert shares[0] > 0
+
+
+@pytest.fixture(scope="module")
+def known() -> Signatures:
+    frame = simulated_campaign(Model.baseline(), seed=1, count=30)
+    return signatures(observe(frame, prototype()), Model.baseline())
+
+
+def test_an_effect_takes_the_place_of_what_its_parts_have_in_common(known: Signatures) -> None:
+    (own,) = known.own_spreads("sic_on_resistance")
+    (signature,) = (s for s in known.effects if s.effect == "sic_on_resistance")
+    common = known.spreads[own]
+    shape = common / np.linalg.norm(common) - signature.slope / np.linalg.norm(signature.slope)
+    assert np.linalg.norm(shape) < 0.02  # one is straight over 3.5 %, the other over 8 % of the resistance
+
+
+def test_what_parts_are_off_by_moves_readings_as_the_simulator_says(known: Signatures) -> None:
+    frame = simulated_campaign(Model.baseline(), seed=1, count=30)
+    sigmas = np.where([s.path.endswith("on.resistance_Ohm") for s in SPREADS], [0.5, -0.5] * 42 + [0.5], 0.0)
+    off = shifted_together(prototype(), zip(SPREADS, sigmas.tolist(), strict=True))
+    ((seen, _),) = observe(frame, prototype()).solved([replace(Model.baseline(), converter=off)])
+    moved = seen - known.baseline
+    # what is not linear in half a sigma
+    np.testing.assert_allclose(known.moved(sigmas), moved, atol=0.05 * np.max(np.abs(moved)))
+
+
+@pytest.mark.parametrize("apart", [-1.5, 1.5])
+def test_parts_that_differ_as_any_two_do_are_one_cause_together(apart: float) -> None:
+    own = [s for s in SPREADS if s.path.endswith("capacitance.zero_bias_F") and "inner" not in s.path]
+    off = [(s, apart if s.path.startswith("secondary") else -apart) for s in own if "clamp" not in s.path]
+    truth = replace(Model.baseline(), converter=shifted_together(prototype(), off))
+    frame = simulated_campaign(truth.with_effect("output_capacitance", relative_error=0.8), seed=3, count=60)
+    noise = 1 + 1.5e-4 * np.random.default_rng(3).standard_normal(len(frame))
+    frame = frame.assign(P1_W=frame["P1_W"] * noise, efficiency=frame["efficiency"] / noise)
+    alone = load_measurements(frame[["kind", "time_s", "D1", "D2", "P1_W", "P2_W", "efficiency"]])
+    found = diagnose(alone)
+    assert found.verdict.stated == ("output_capacitance",)
+    (cause, *_) = found.verdict.causes
+    assert abs(cause.term.value - 0.8) < 2 * cause.term.sigma
