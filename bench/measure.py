@@ -27,7 +27,7 @@ from bench.config import MeasureConfig, SettlingConfig
 from bench.instruments import TEMPERATURES, Sample
 from bench.plan import Kind, PlannedPoint
 from bench.store.live import Settling
-from bench.wording import channel_name
+from bench.wording import channel_name, minus
 from drivers.reading import Quality
 
 Take = Callable[[], Sample]
@@ -116,7 +116,7 @@ def unsettled(window: Sequence[Sample], settings: SettlingConfig, *, power_W: fl
     for k, name in enumerate(TEMPERATURES, start=3):
         if abs(slope[k]) > max(settings.temperature_slope_K_per_s, SIGNIFICANT * error[k]):
             said.append(f"{channel_name(name)} drifts by {slope[k]:.2g} K/s")
-    return ", ".join(said)
+    return minus(", ".join(said))
 
 
 def line(times_s: Floats, values: Floats) -> tuple[Floats, Floats, Floats]:

@@ -13,8 +13,13 @@ _HOUR_S = 3600.0
 _PREFIXED = ("Ω", "H", "s", "F", "J")  # units that bench people say with a prefix
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
 
-_CHANNELS = {
+_QUANTITIES = {
+    "V1_V": "input voltage",
+    "I1_A": "input current",
     "P1_W": "input power",
+    "V2_V": "output voltage",
+    "I2_A": "output current",
+    "P2_W": "output power",
     "I_L_rms_A": "rms link current",
     "P_link1_W": "link power, element 3",
     "P_link2_W": "link power, element 4",
@@ -93,12 +98,12 @@ def words(name: str) -> str:
 
 
 def channel_name(column: str) -> str:
-    """A measured quantity as it is called over a picture; its column where it has no other name.
+    """A measured quantity as people call it; its column where it has no other name.
 
     >>> channel_name("P1_W"), channel_name("D0")
     ('input power', 'D0')
     """
-    return _CHANNELS.get(column, column)
+    return _QUANTITIES.get(column, column)
 
 
 def action_text(action: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from bench.dashboard.rows import Rows
 from bench.dashboard.watcher import Feed, Overview
 from bench.store import BenchRow, BenchState, LinkReport, Row, SeenMoment
-from bench.wording import counted, duration, per_cent, points_text, unit_of
+from bench.wording import channel_name, counted, duration, minus, per_cent, points_text, unit_of
 
 NEAR = 0.95  # of a limit: worth a second look
 PHASES = ("setting", "settling", "measuring")
@@ -61,7 +61,6 @@ class GapView:
     uncertainty: str
     measured: str
     simulated: str
-    last: str
     points: int
     level: str
 
@@ -132,19 +131,16 @@ def gap(rows: Rows) -> GapView:
     """How far the simulation is off on the accepted rows; agreement is judged at two standard errors."""
     known = rows.where(rows.counted & np.isfinite(rows.efficiency - rows.predicted_efficiency))
     if not len(known):
-        return GapView(
-            mean="–", uncertainty="", measured="–", simulated="–", last="–", points=0, level="nothing"
-        )
+        return GapView(mean="–", uncertainty="", measured="–", simulated="–", points=0, level="nothing")
     residuals = known.efficiency - known.predicted_efficiency
     mean, count = float(residuals.mean()), len(residuals)
     error = float(residuals.std(ddof=1)) / math.sqrt(count) if count > 1 else math.nan
     off = abs(mean) > 2 * error if math.isfinite(error) else False
     return GapView(
         mean=signed(mean),
-        uncertainty=f"± {points_text(2 * error)}" if math.isfinite(error) else "",
+        uncertainty=f"± {points_text(2 * error)} (2 σ)" if math.isfinite(error) else "",
         measured=per_cent(float(known.efficiency[-1]), 3),
         simulated=per_cent(float(known.predicted_efficiency[-1]), 3),
-        last=signed(float(residuals[-1])),
         points=count,
         level="off" if off else "agree",
     )
@@ -184,25 +180,12 @@ def _limit(name: str, limit: float, value: float | None) -> LimitView:
     share = value / limit if value is not None and limit > 0 else 0.0
     level = "missing" if value is None else "above" if share > 1 else "near" if share > NEAR else "good"
     return LimitView(
-        label=label(name),
+        label=channel_name(name),
         value="–" if value is None else f"{value:.1f} {unit}",
         limit=f"{limit:g} {unit}",
         share=min(max(share, 0.0), 1.0),
         level=level,
     )
-
-
-def label(column: str) -> str:
-    """A column's name for people.
-
-    >>> label("T_heatsink_C"), label("V1_V"), label("P2_W")
-    ('heatsink', 'input voltage', 'output power')
-    """
-    named = {
-        "V1_V": "input voltage", "I1_A": "input current", "P1_W": "input power",
-        "V2_V": "output voltage", "I2_A": "output current", "P2_W": "output power",
-    }  # fmt: skip
-    return named.get(column) or column.removeprefix("T_").rsplit("_", 1)[0].replace("_", " ")
 
 
 SHOWN_OF = {
@@ -233,7 +216,9 @@ def _link(
     readings = _present(moment)
     values = [(column, readings.get(column)) for column in SHOWN_OF.get(name, ())]
     said = ", ".join(
-        f"{value:.4g} {unit_of(column)}".strip() for column, value in values if value is not None
+        f"{channel_name(column)} {minus(f'{value:.4g}')} {unit_of(column)}".strip()
+        for column, value in values
+        if value is not None
     )
     quality = report.quality if report else None
     age_s = report.age_s + since_s if report and report.age_s is not None else None

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,6 +74,8 @@ def test_a_wild_point_ends_at_the_time_limit_and_says_what_moved() -> None:
 def test_what_is_still_warming_is_called_by_its_name() -> None:
     window = [sample(2.0 * k, 1000.0, heatsink_C=50.0 + 0.1 * k) for k in range(6)]
     assert unsettled(window, SETTINGS, power_W=2000.0) == "heatsink drifts by 0.05 K/s"
+    cooling = [replace(s, time_s=-s.time_s) for s in reversed(window)]
+    assert unsettled(cooling, SETTINGS, power_W=2000.0) == "heatsink drifts by −0.05 K/s"
 
 
 def test_a_jump_inside_the_window_is_not_settled() -> None:

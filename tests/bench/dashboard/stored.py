@@ -16,6 +16,9 @@ LIMITS = {
     "winding_C": 120,
 }
 BENCH = "bench one"
+LINK = LinkReport(
+    resource="/dev/ttyUSB0", age_s=0.5, exchanges=1000, failures=20, last_error="no reply in 1 s"
+)
 
 
 def planned_points(count: int) -> list[PlannedPoint]:
@@ -77,14 +80,11 @@ def measure(
 
 def moment_of(store: Store, campaign: int, *, phase: str = "settling", number: int = 0) -> Moment:
     """What such a campaign tells of itself."""
-    link = LinkReport(
-        resource="/dev/ttyUSB0", age_s=0.5, exchanges=1000, failures=20, last_error="no reply in 1 s"
-    )
     return Moment(
         phase=phase,
         time_s=5.0,
         point_id=point_ids(store, campaign)[number],
         readings={"V1_V": 300.0, "I1_A": 11.0, "P1_W": 2150.0, "T_heatsink_C": 40.0},
-        settling=Settling(elapsed_s=12.0, window_s=20.0, limit_s=600.0, moving="T_heatsink_C"),
-        instruments={"analyzer": link},
+        settling=Settling(elapsed_s=12.0, window_s=20.0, limit_s=600.0, moving="heatsink drifts by −0.2 K/s"),
+        instruments={"analyzer": LINK},
     )

@@ -7,11 +7,12 @@ import pytest
 
 from bench.dashboard import view
 from bench.dashboard.progress import progress
+from bench.dashboard.render import piece
 from bench.dashboard.rows import NO_ROWS
 from bench.dashboard.watcher import Feed, Watcher
 from bench.states import State
 from bench.store import Store
-from tests.bench.dashboard.stored import BENCH, measure, moment_of, planned_points, running_campaign
+from tests.bench.dashboard.stored import BENCH, LINK, measure, moment_of, planned_points, running_campaign
 
 
 def seen(store: Store, campaign: int) -> tuple[Watcher, Feed]:
@@ -61,7 +62,7 @@ def test_progress_counts_rows_and_names_the_point(store: Store) -> None:
     shown = progress(feed, datetime.now(UTC))
     assert (shown.done, shown.planned, shown.rejected, shown.share) == (3, 4, 1, 0.75)
     assert shown.point == "D1 0.800, D2 0.100, 1050 W"
-    assert shown.settling == "12 s, given up after 600 s; still moving: T_heatsink_C"
+    assert shown.settling == "12 s, given up after 600 s; still moving: heatsink drifts by −0.2 K/s"
     assert shown.settling_share == pytest.approx(0.6)
     assert shown.stale == ""
 
@@ -106,6 +107,29 @@ def test_links_show_age_and_failures(store: Store) -> None:
     (link,) = view.links(feed.campaign, feed.moment, later)
     assert (link.age, link.failures, link.level) == ("2.5 s", "20 of 1000 failed", "near")
     assert link.last_error == "no reply in 1 s"
+
+
+def test_last_readings_have_names_units_and_signs(store: Store) -> None:
+    campaign = running_campaign(store)
+    moment = moment_of(store, campaign)
+    told = moment.readings | {"P2_W": 2091.5, "D0": -0.0625}
+    store.live.write(campaign, replace(moment, readings=told, instruments=dict.fromkeys(view.SHOWN_OF, LINK)))
+    _, feed = seen(store, campaign)
+    shown = {link.name: link.reading for link in view.links(feed.campaign, feed.moment, datetime.now(UTC))}
+    assert shown["analyzer"] == "input power 2150 W, output power 2092 W"
+    assert shown["controller"] == "D0 −0.0625, heatsink 40 °C"
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [([], "points"), ([0], "points, mean of 1 row"), ([0, 1], "points ± 1.000 (2 σ), mean of 2 rows")],
+)
+def test_the_mean_gap_says_of_how_many_rows(store: Store, rows: list[int], said: str) -> None:
+    campaign = running_campaign(store)
+    for number in rows:
+        measure(store, campaign, [number], efficiency=0.97 + 0.01 * number)
+    _, feed = seen(store, campaign)
+    assert f"<small>{said}</small>" in piece("gap")(view.gap(feed.rows))
 
 
 def test_the_gap_is_off_beyond_its_uncertainty_only(store: Store) -> None:
