@@ -55,9 +55,10 @@ def _unknowns(station: Station) -> Array:
 
 
 def started(station: Station, unknowns: Array) -> Station:
-    """The station with other unknowns (n, N), where they are known."""
-    known = np.all(np.isfinite(unknowns), axis=0)
-    return _at(station, np.where(known, unknowns, _unknowns(station)))
+    """The station with other unknowns (n, N), where they are known and leave the dc link a voltage."""
+    own, known = _unknowns(station), np.all(np.isfinite(unknowns), axis=0)
+    sound = known & _at(station, np.where(known, unknowns, own)).powered()
+    return _at(station, np.where(sound, unknowns, own))
 
 
 def unknowns_of(converter: Converter) -> int:

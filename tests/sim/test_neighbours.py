@@ -158,6 +158,16 @@ def test_starts_far_and_near_lead_to_the_same_state() -> None:
     np.testing.assert_allclose(again["P1_W"], first["P1_W"], rtol=1e-6)
 
 
+def test_a_start_that_leaves_the_link_no_voltage_is_that_of_the_neighbour() -> None:
+    near = reference(Model.baseline(), points())
+    model = Model.baseline().with_effect("cable_resistance_input", resistance_Ohm=0.1)
+    (plain,) = simulate_each([(model, points())], near)
+    wild, unknown = plain.state.copy(), plain.state.copy()
+    wild[-1, 3], unknown[:, 3] = 1e5, np.nan  # ten thousand amperes, as the unit is a tenth of one
+    astray, alone = (simulate_each([(model, points())], near, [start])[0] for start in (wild, unknown))
+    np.testing.assert_array_equal(astray["P1_W"], alone["P1_W"])
+
+
 def test_an_unknown_start_is_that_of_the_neighbour() -> None:
     near = reference(Model.baseline(), points())
     model = Model.baseline().with_effect("link_resistance", **{HEAD: 0.05})
