@@ -333,7 +333,9 @@ class Bench:
         end_s = self.clock.now() + START_UP_S
         while (output_V := self.beat().V2_V) < REACHED * target_V:
             if self.clock.now() >= end_s:
-                raise LimitReached(f"V2_V = {output_V:g} after {START_UP_S:g} s; target {target_V:g}")
+                raise LimitReached(
+                    f"output voltage {output_V:g} V after {START_UP_S:g} s; target {target_V:g} V"
+                )
             self.clock.sleep(START_UP_STEP_S)
 
     def _draw(self, power_W: float) -> None:

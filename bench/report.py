@@ -19,6 +19,7 @@ from bench.bands import loaded_rows
 from bench.wording import (
     MODEL_NAMES,
     action_text,
+    channel_name,
     counted,
     duration,
     effect_name,
@@ -105,7 +106,7 @@ def environment() -> Environment:
         "points": points_text, "per_cent": per_cent, "duration": duration,
         "words": effect_name, "counted": counted, "fixed": fixed,
         "parameter": lambda parameter: unbroken(parameter_text(parameter)),
-        "action": action_text, "probability": probability_text, "verdict_class": verdict_class,
+        "action": action_text, "channel": channel_name, "probability": probability_text, "verdict_class": verdict_class,
     }  # fmt: skip
     return made
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.config import ConverterConfig, LimitsConfig
+from bench.wording import channel_name, unit_of
 
 ATTEMPTS = 2
 AGAIN_S = 10.0  # real time in which steps that failed are tried again, after all the others
@@ -74,9 +75,9 @@ def decide(limits: Limits, readings: Readings) -> Decision:
 
     >>> limits = Limits(upper={"V1_V": 320.0}, output_voltage_V=140.0)
     >>> decide(limits, Readings(values={"V1_V": 331.5})).reasons
-    ('V1_V = 331.5 is above its limit 320',)
+    ('input voltage 331.5 V is above its limit 320 V',)
     >>> decide(limits, Readings(values={})).reasons
-    ('V1_V has no reading',)
+    ('input voltage has no reading',)
     """
     reasons = [reason for name, limit in limits.upper.items() if (reason := _above(name, limit, readings))]
     reasons += [f"fault reported: {fault}" for fault in readings.faults if fault != UNDERVOLTAGE]
@@ -93,15 +94,15 @@ def _output_lost(limits: Limits, readings: Readings) -> list[str]:
     signs = [f"fault reported: {UNDERVOLTAGE}"] if UNDERVOLTAGE in readings.faults else []
     output_V = readings.values.get("V2_V", math.nan)
     if readings.pwm_on and output_V < COLLAPSED * limits.output_voltage_V:
-        signs.append(f"V2_V = {output_V:g} has collapsed (target {limits.output_voltage_V:g})")
+        signs.append(f"output voltage {output_V:g} V has collapsed (target {limits.output_voltage_V:g} V)")
     return signs
 
 
 def _above(name: str, limit: float, readings: Readings) -> str | None:
-    value = readings.values.get(name, math.nan)
+    value, unit, said = readings.values.get(name, math.nan), unit_of(name), channel_name(name)
     if math.isnan(value):
-        return f"{name} has no reading"
-    return f"{name} = {value:g} is above its limit {limit:g}" if value > limit else None
+        return f"{said} has no reading"
+    return f"{said} {value:g} {unit} is above its limit {limit:g} {unit}" if value > limit else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

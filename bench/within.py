@@ -8,6 +8,7 @@ import numpy as np
 from bench.config import BenchConfig
 from bench.prediction import Asked, FloatArray, Forecast, Predictor
 from bench.safety import Limits
+from bench.wording import channel_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Within:
         for name, limit, of in self._ceilings():
             if name in columns:
                 beyond = self._expected(name, columns[name], asked.ambient_C) > limit
-                reason[beyond & feasible] = f"predicted {name} too near {of} or above it"
+                reason[beyond & feasible] = f"{channel_name(name)} predicted too near {of} or above it"
                 feasible &= ~beyond
         return replace(forecast, feasible=feasible, reason=reason)
 

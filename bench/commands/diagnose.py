@@ -24,6 +24,7 @@ from bench.table_file import write_table
 from bench.whole_file import write_whole
 from bench.wording import (
     action_text,
+    channel_name,
     counted,
     effect_name,
     minus,
@@ -191,7 +192,7 @@ def tell(plain: dict[str, Any]) -> None:
     gap, gain = plain["gap"], plain["gain"]
     if so_far := so_far_text(plain):
         out.print(escape(so_far))
-    out.print(f"{plain['points']} points; channels: {', '.join(plain['channels'])}")
+    out.print(f"{plain['points']} points; channels: {', '.join(map(channel_name, plain['channels']))}")
     efficiency = f"{points_text(gap['mean_abs_efficiency'])} points of efficiency"
     out.print(minus(f"gap: {efficiency}, {gap['mean_loss_W']:+.2f} W of loss, mean"))
     out.print(escape(f"verdict: {verdict_text(plain)}"))

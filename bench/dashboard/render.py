@@ -7,6 +7,8 @@ from typing import Any
 from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 
 from bench.wording import (
+    action_text,
+    channel_name,
     effect_name,
     fixed,
     parameter_text,
@@ -26,6 +28,8 @@ _environment = Environment(
     lstrip_blocks=True,
 )
 _environment.filters |= {
+    "action": action_text,
+    "channel": channel_name,
     "points": points_text,
     "per_cent": per_cent,
     "probability": probability_text,

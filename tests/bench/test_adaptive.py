@@ -52,7 +52,9 @@ def test_candidates_have_power_to_spare() -> None:
 
 def test_limits_that_leave_no_candidate_are_refused() -> None:
     too_cold = bench_config(limits={**bench_config().limits.model_dump(), "heatsink_C": 25.5})
-    with pytest.raises(InputError, match=r"fewer than 200 feasible points.*T_heatsink_C too near its limit"):
+    with pytest.raises(
+        InputError, match=r"fewer than 200 feasible points.*heatsink predicted too near its limit"
+    ):
         Job.prepare(campaign_config(plan=PLAN), too_cold)
 
 

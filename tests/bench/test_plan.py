@@ -133,7 +133,7 @@ def test_points_predicted_beyond_the_limits_are_left_out_and_counted() -> None:
     made = make_plan(campaign_config(plan=settings), bench_config(), hot, file="campaign.toml")
     # a rise of 65 K with a quarter more than predicted: 0.04 K/W · 1.25 · power at most 65 K
     assert 1200.0 < max(row.power_W for row in made.points) <= 1300.0
-    assert made.infeasible["predicted T_heatsink_C too near its limit or above it"] > 0
+    assert made.infeasible["heatsink predicted too near its limit or above it"] > 0
 
 
 def test_points_beyond_a_fixed_range_or_the_links_peak_are_left_out_with_the_reason() -> None:
@@ -151,5 +151,5 @@ def test_points_beyond_a_fixed_range_or_the_links_peak_are_left_out_with_the_rea
     loaded = [row for row in made.points if row.kind is Kind.LOAD]
     assert max(row.power_W for row in loaded) <= 5.0 * 140.0
     assert max(row.D1 for row in loaded) <= 0.9  # half of 20 A times D1 at 9 A
-    assert {"predicted I2_A too near the analyzer's range or above it",
-            "predicted I_L_peak_A too near its limit or above it"} <= set(made.infeasible)  # fmt: skip
+    assert {"output current predicted too near the analyzer's range or above it",
+            "peak link current predicted too near its limit or above it"} <= set(made.infeasible)  # fmt: skip

@@ -21,6 +21,12 @@ GOOD = {
     "T_heatsink_C": 60.0, "T_transformer_C": 80.0, "T_inductor_C": 80.0,
 }  # fmt: skip
 
+SAID = {
+    "V1_V": ("input voltage", "V"), "I1_A": ("input current", "A"), "P1_W": ("input power", "W"),
+    "V2_V": ("output voltage", "V"), "T_heatsink_C": ("heatsink", "°C"),
+    "T_transformer_C": ("transformer winding", "°C"), "T_inductor_C": ("inductor winding", "°C"),
+}  # fmt: skip
+
 
 def reasons(**changed: object) -> tuple[str, ...]:
     state: dict[str, object] = {"pwm_on": True, "pwm_expected": True, **changed}
@@ -33,12 +39,12 @@ def test_a_good_moment_is_safe() -> None:
 
 @pytest.mark.parametrize("name", GOOD)
 def test_each_guarded_value_is_guarded(name: str) -> None:
-    limit = LIMITS.upper[name]
+    limit, (said, unit) = LIMITS.upper[name], SAID[name]
     assert reasons(values={name: limit}) == ()
     assert reasons(values={name: math.nextafter(limit, math.inf)}) == (
-        f"{name} = {limit:g} is above its limit {limit:g}",
+        f"{said} {limit:g} {unit} is above its limit {limit:g} {unit}",
     )
-    assert reasons(values={name: math.nan}) == (f"{name} has no reading",)
+    assert reasons(values={name: math.nan}) == (f"{said} has no reading",)
 
 
 def test_silence_is_a_fault() -> None:

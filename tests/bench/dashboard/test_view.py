@@ -167,3 +167,11 @@ def test_a_link_that_nothing_was_told_of_has_no_quality() -> None:
     campaign = {"instruments": {"analyzer": "YOKOGAWA 760304"}}
     (link,) = view.links(campaign, None, datetime.now(UTC))  # type: ignore[arg-type]
     assert (link.quality, link.level) == ("–", "unknown")
+
+
+def test_a_diagnosis_says_quantities_in_words_and_names_the_column_to_add() -> None:
+    steps = [{"action": action, "separates": []} for action in ("no_load", "measure T_inductor_C too")]
+    shown = piece("diagnosis")({"channels": ["D0", "P_link1_W"], "next": steps}, "")
+    assert "channels D0, link power (element 3)." in shown
+    assert "<td>no load</td>" in shown
+    assert "<td>measure T_inductor_C too</td>" in shown
