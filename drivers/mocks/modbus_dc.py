@@ -131,8 +131,10 @@ class MockDc(MockModbusDevice):
                 return int(self.on)
             case ["acknowledge"]:
                 return 0
+            case ["serial", "number"]:
+                return "VIRTUAL LAB"
             case _:
-                return "VIRTUAL LAB"  # serial number, firmware
+                return "mock"  # firmware
 
     def put(self, name: str, raw: Raw) -> None:
         """Take a write as the device does, or refuse it."""

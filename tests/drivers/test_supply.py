@@ -36,9 +36,7 @@ def bench(shared):
 
 def test_it_says_who_it_is(bench) -> None:
     _, supply = bench
-    assert supply.identify() == Identity(
-        "EA Elektro-Automatik", "PSI 9500-30 3U", "VIRTUAL LAB", "VIRTUAL LAB"
-    )
+    assert supply.identify() == Identity("EA Elektro-Automatik", "PSI 9500-30 3U", "VIRTUAL LAB", "mock")
 
 
 def test_a_run_byte_for_byte(bench) -> None:
