@@ -29,7 +29,8 @@ _STEP = 0.01  # of an effect's prior scale: parts go along
 class CommonModes:
     """The spreads of K parts, and the names and directions (K, K) of their axes, orthonormal, in sigmas of the parts.
 
-    An axis that is common to the parts of an effect has the effect's name, every other that of its part.
+    An axis that is common to the parts of an effect has the effect's name, every other that of its part. What is none
+    at all, as the recovered charge of a Schottky diode, is no part.
     """
 
     spreads: tuple[Spread, ...]
@@ -44,11 +45,11 @@ class CommonModes:
         for name, entry in CATALOGUE.items():
             if not isinstance(entry, ParameterEffect) or entry.replaces:
                 continue
-            own = [place[path] for path in entry.paths if path in place]
+            paths = [path for path in entry.paths if path in place and _value(converter, path) != 0.0]
+            own = [place[path] for path in paths]
             if len(own) < 2:
                 continue
-            moved = _moved(entry, converter, [spreads[k] for k in own])
-            axes[np.ix_(own, own)] = _turned_to(moved)
+            axes[np.ix_(own, own)] = _turned_to(_moved(entry, converter, [spreads[k] for k in own]))
             names[own[0]] = name
             for k in own[1:]:
                 names[k] = f"{spreads[k].path} beside {spreads[own[0]].path}"
@@ -72,10 +73,13 @@ def _moved(entry: Effect, converter: Converter, parts: Sequence[Spread]) -> Arra
     there = entry.converter(converter, {head.name: head.off + _STEP * head.prior})
     moved = []
     for part in parts:
-        value = attrgetter(part.path)
-        before = float(value(converter))
-        moved.append((float(value(there)) - before) / (part.moved(before, 1.0) - before))
+        before = _value(converter, part.path)
+        moved.append((_value(there, part.path) - before) / (part.moved(before, 1.0) - before))
     return np.array(moved)
+
+
+def _value(converter: Converter, path: str) -> float:
+    return float(attrgetter(path)(converter))
 
 
 def _turned_to(direction: Array) -> Array:

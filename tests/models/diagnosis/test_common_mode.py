@@ -46,6 +46,18 @@ def test_a_step_along_the_common_axis_is_a_little_of_the_effect(name: str) -> No
     assert shares[0] > 0
 
 
+def test_a_diode_that_recovers_nothing_is_no_part() -> None:
+    plain = prototype()
+    clamp = replace(plain.three_level.clamp, recovery=replace(plain.three_level.clamp.recovery, charge_C=0.0))
+    schottky = replace(plain, primary=replace(plain.three_level, clamp=clamp))
+    modes = CommonModes.of(everyday_spread(schottky), schottky)
+    own = modes.axes[modes.names.index("reverse_recovery")]
+    assert [modes.spreads[k].path for k in np.flatnonzero(own)] == [
+        "primary.outer.recovery.charge_C",
+        "secondary.switch.recovery.charge_C",
+    ]
+
+
 @pytest.fixture(scope="module")
 def known() -> Signatures:
     frame = simulated_campaign(Model.baseline(), seed=1, count=30)
