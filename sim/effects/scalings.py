@@ -138,7 +138,8 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="inductor_saturation",
         stage="circuit",
-        parameters=_parameter("relative_drop", "1", 0.01, 0.15, (0.0, 0.6)),
+        # it goes with the current squared: where the link carries most, a line leads nowhere
+        parameters=_started(_parameter("relative_drop", "1", 0.01, 0.15, (0.0, 0.6)), (0.1, 0.25)),
         paths=("inductor.saturation",),
         change=_added,
         law=0.1,

@@ -1,0 +1,19 @@
+"""Where an effect is far from a line, the search starts at several of its values."""
+
+from experiments.blind.trial import BlindTrial, efficiency_table, measured
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import diagnose
+
+
+def test_a_choke_that_saturates_is_found_where_its_line_leads_nowhere() -> None:
+    trial = BlindTrial(
+        row="efficiency_only",
+        seed=1770300,
+        hidden=(("inductor_saturation", 0.268),),
+        efficiency_only=True,
+        design=1795000,
+    )
+    found = diagnose(load_measurements(efficiency_table(measured(trial))))
+    assert found.verdict.stated == ("inductor_saturation",)
+    # a fifth of it may be the law's, which is good to ten per cent
+    assert 0.19 < found.verdict.causes[0].term.value < 0.32
