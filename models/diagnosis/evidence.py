@@ -1,40 +1,21 @@
-"""The search: every effect alone, then pairs and triples of what leads, each against nothing and a leftover.
-
-All are screened in closed form on their tangents; what is in reach of the best is simulated at its values until it
-stands still. In the end every hypothesis is weighed again beside every leftover.
-"""
+"""The posterior: what a search has found, every hypothesis weighed again beside every leftover."""
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import Fit, Term, WeighedBeside, evidence_of, weigh
+from models.diagnosis.hypotheses import Fit, WeighedBeside, log_prior, weigh
 from models.diagnosis.leftover import Leftover
-from models.diagnosis.refinery import Refinery, hopeless
-from models.diagnosis.signatures import Signature, step_of
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.search import search
 
 Array = NDArray[np.float64]
 
-P_CONSISTENT, P_LEFTOVER = 0.5, 0.2
-P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
-_FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
-_SCREENED = 12  # combinations on tangents that are looked at closer
-_SHARPENED = 6  # that get slopes simulated at their values
-_TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
-_IN_REACH = 6.0  # in log probability: a hypothesis that is worth slopes of its own
-_LARGER_IN_REACH = 3.0  # the same with one cause more, and on its tangents: worth a simulation
-_SIGNIFICANT = 3.0  # standard deviations
-_AS_PROMISED = 2.0  # in log evidence: nothing that was simulated so near its tangent has no more to gain
-_LIKELY_NOTHING = 1.0  # in log evidence: how far behind nothing
-_FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out, three times over
-_SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
-_FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a place worse than off
+P_LEFTOVER = 0.2
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
-_REACH = 3.0  # prior scales that a line is trusted over
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,16 +25,6 @@ class Hypothesis:
     fit: Fit
     leftover: Leftover | None
     probability: float
-
-
-def log_prior(fit: Fit, catalogue: int) -> float:
-    """Log prior of a hypothesis out of a catalogue of so many effects; each shares it among its variants."""
-    causes = len(fit.terms)
-    if causes == 0:
-        return float(np.log(P_CONSISTENT))
-    variants = math.prod(len(t.signature.entry.variants()) for t in fit.terms)
-    ways = math.comb(catalogue, causes) * variants
-    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways)
 
 
 def posterior(refinery: Refinery) -> list[Hypothesis]:
@@ -143,256 +114,3 @@ def _settled(fit: Fit, beside: WeighedBeside, counts: NDArray[np.bool_]) -> dict
         evidence = beside.promised[c] if c else beside.log_evidence[0]
         settled[c] = fit.at(terms, float(evidence))
     return settled
-
-
-def on_tangents(refinery: Refinery) -> list[Fit]:
-    """Nothing and every effect alone on its tangent, without any simulation: a first look."""
-    nothing = Fit.nothing(refinery.residual.size)
-    lines = _best_variants(_screened(refinery, nothing))
-    return [replace(nothing, log_evidence=refinery.weighed(nothing).log_evidence), *lines]
-
-
-def search(refinery: Refinery) -> list[Fit]:
-    """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
-    fits, scans = _alone(refinery)
-    straight = [*(_term(s) for s in refinery.known.effects), *_secants(fits[0], scans)]
-    for size, most in ((2, _PAIRS), (3, _TRIPLES)):
-        base = [f for f in fits if len(f.terms) == size - 1]
-        larger = _larger(refinery, base, fits, straight, most)
-        if not larger:
-            break
-        fits += larger
-    return _sharpened(refinery, fits)
-
-
-def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
-    """All fits, those in reach of the best with slopes of their own, and at the values that these lead to."""
-    catalogue = len({s.effect for s in refinery.known.effects})
-    probability = {id(f): f.log_evidence + log_prior(f, catalogue) for f in fits}
-    first = max(fits, key=lambda f: probability[id(f)])
-
-    def in_reach(fit: Fit) -> bool:
-        reach = _LARGER_IN_REACH if len(fit.terms) > len(first.terms) else _IN_REACH
-        return probability[id(fit)] > probability[id(first)] - reach
-
-    order = sorted((f for f in fits if f.terms), key=lambda f: -probability[id(f)])
-    leading = [f for f in order if in_reach(f)][:_SHARPENED]
-    if not leading:
-        return fits
-    ids = {id(f) for f in leading}
-    return [*(f for f in fits if id(f) not in ids), *refinery.followed(refinery.sharpened(leading))]
-
-
-def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
-    """Nothing, and every effect alone: all simulated once, those that lead to the end; and where searches start.
-
-    What gains nothing so near off that its signature was simulated further out stays on its line about nothing's state.
-    """
-    nothing = Fit.nothing(refinery.residual.size)
-    lines = _best_variants(_screened(refinery, nothing))
-    scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
-    straight = refinery.weighed(nothing).log_evidence
-    known = [line for line in lines if _is_known(line, straight)]
-    lines = [line for line in lines if not _is_known(line, straight)]
-    nothing, *curves = refinery.simulated([nothing, *lines, *scans])
-    curves, scans = curves[: len(lines)], curves[len(lines) :]
-    starts = [
-        start
-        for line, curve in zip(lines, curves, strict=True)
-        if not line.terms[0].head.starts
-        and curve.log_evidence - nothing.log_evidence < min(line.log_evidence - straight - _SHORT_OF, 0.0)
-        for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
-    ]
-    at_start = refinery.weighed_all(starts)
-    least = hopeless(nothing.log_evidence, _FAR_BEHIND)
-    starts = [fit for fit, w in zip(starts, at_start, strict=True) if w.log_evidence > least]
-    sigmas = [w.sigma for w in refinery.weighed_all(lines)]
-    tried = [*map(_tangent, lines, curves, sigmas), *scans, *(refinery.simulated(starts) if starts else [])]
-    once = _best([*tried, *_about(refinery, nothing, known)])
-    leader = max(nothing.log_evidence, once[0].log_evidence)
-    near = [fit for fit in once if fit.log_evidence > hopeless(leader)]
-    far = once[len(near) :]
-    promise = [fit for fit, w in zip(far, refinery.weighed_all(far), strict=True) if w.promised > leader]
-    chosen = [*near[:_FOLLOWED], *_significant(refinery, near[_FOLLOWED:]), *promise]
-    names = {fit.effects for fit in chosen}
-    if abs(nothing.log_evidence - straight) > _AS_PROMISED:
-        nothing, *followed = refinery.followed([nothing, *chosen], leader)
-    else:
-        followed = refinery.followed(chosen, leader)
-    return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])], scans
-
-
-def _is_known(line: Fit, nothing: float) -> bool:
-    """Whether an effect on its line is likely nothing, no further from off than where the line was simulated."""
-    (term,) = line.terms
-    near = abs(term.distance) <= abs(step_of(term.signature.entry))
-    return near and line.log_evidence < nothing - _LIKELY_NOTHING
-
-
-def _about(refinery: Refinery, nothing: Fit, lines: Sequence[Fit]) -> list[Fit]:
-    """Lines about what nothing was simulated to be, with their evidence there."""
-    moved = [
-        replace(line, shift=line.shift + nothing.shift, bend=nothing.bend, spreads=nothing.spreads)
-        for line in lines
-    ]
-    weighed = refinery.weighed_all(moved)
-    return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(moved, weighed, strict=True)]
-
-
-def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:
-    """Every effect at the best value of its line, about nothing's simulated state."""
-    return _fitted_lines(refinery, [replace(nothing, terms=(_term(s),)) for s in refinery.known.effects])
-
-
-def _fitted_lines(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
-    """Fits moved to the best values of their tangents, with their evidence there."""
-    bare, own = refinery.seen_bare(fits, basis=False), [fit.own(refinery.known) for fit in fits]
-    moved, there = [], []
-    here = weigh(fits, refinery.with_laws(fits, bare), refinery.geometry, own)
-    for fit, seen, weighed in zip(fits, bare, here, strict=True):
-        reach = _REACH * np.array([t.head.prior for t in fit.terms])
-        moved.append(fit.moved(np.clip(weighed.step[0], -reach, reach)))
-        way = zip(moved[-1].terms, fit.terms, strict=True)
-        there.append(seen.less(np.array([new.value - old.value for new, old in way])))
-    last = weigh(moved, refinery.with_laws(moved, there), refinery.geometry, own)
-    return [replace(fit, log_evidence=w.at(0).log_evidence) for fit, w in zip(moved, last, strict=True)]
-
-
-def _best_variants(fits: list[Fit]) -> list[Fit]:
-    """One fit an effect, its best variant: :func:`log_prior` shares the prior among them."""
-    found: dict[tuple[str, ...], list[Fit]] = {}
-    for fit in fits:
-        found.setdefault(fit.effects, []).append(fit)
-    return [max(variants, key=lambda f: f.log_evidence) for variants in found.values()]
-
-
-def _moved_to(line: Fit, values: Iterable[float]) -> list[Fit]:
-    """The line at other values, inside the bounds and not at off."""
-    (term,) = line.terms
-    inside = {term.moved(value - term.value).value for value in values} - {term.head.off}
-    return [line.moved(np.array([value - term.value])) for value in sorted(inside)]
-
-
-def _tangent(line: Fit, curve: Fit, sigma: Array) -> Fit:
-    """The simulated fit with the slope at its value, taken as a parabola from off through what was simulated.
-
-    The spreads went a part of the way, as in Broyden's update of :mod:`models.diagnosis.refinery`.
-    """
-    (term,) = curve.terms
-    if term.signature.entry.threshold or abs(term.distance) < 0.1 * term.head.prior:
-        return curve
-    steps2 = (term.distance / sigma[0]) ** 2
-    share = steps2 / (steps2 + float(np.sum(np.square(curve.spreads))) + 1.0)
-    bend = 2 * share * (curve.shift - line.shift) / term.distance
-    return replace(curve, terms=(replace(term, slope=term.slope + bend),))
-
-
-def _best(fits: Iterable[Fit]) -> list[Fit]:
-    """The best fit of each set of effects, best first."""
-    best: dict[tuple[str, ...], Fit] = {}
-    for fit in _sorted(fits):
-        best.setdefault(fit.effects, fit)
-    return list(best.values())
-
-
-def _sorted(fits: Iterable[Fit]) -> list[Fit]:
-    return sorted(fits, key=lambda f: -f.log_evidence)
-
-
-def _significant(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
-    """Those whose value is off by more than its own uncertainty could be, everyday spread included."""
-    found = []
-    for fit, weighed in zip(fits, refinery.weighed_all(fits), strict=True):
-        (term,), (sigma,) = fit.terms, weighed.sigma
-        if abs(term.distance) > _SIGNIFICANT * float(np.hypot(sigma, term.head.tolerance)):
-            found.append(fit)
-    return found
-
-
-def _secants(nothing: Fit, scans: Iterable[Fit]) -> list[Term]:
-    """Effects that are far from a line, with slopes from off to each value that a search of them started from."""
-    return [replace(t, slope=(f.shift - nothing.shift) / t.distance) for f in scans for t in f.terms]
-
-
-def _larger(
-    refinery: Refinery, base: list[Fit], fits: list[Fit], straight: list[Term], most: int
-) -> list[Fit]:
-    """The hypotheses with one cause more that are in reach of the best, simulated and followed.
-
-    ``fits`` begin with nothing; the further causes come with ``straight`` slopes from off, or those learned alone.
-    """
-    catalogue = len({s.effect for s in refinery.known.effects})
-
-    def log_probability(fit: Fit) -> float:
-        return fit.log_evidence + log_prior(fit, catalogue)
-
-    nothing, learned = fits[0], [f.terms[0] for f in fits if len(f.terms) == 1]
-    terms = [*learned, *straight]
-    leading = max(map(log_probability, fits))
-    pairs = combinations([_term(t.signature) for t in learned], 2)
-    candidates = _on_tangents(refinery, nothing, pairs) if len(base[0].terms) == 1 else []
-    for fit in _sorted(base)[:_TO_EXTEND]:
-        candidates += _on_tangents(refinery, fit, [(t,) for t in terms])
-    candidates = [replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates]
-    candidates = [f for f in candidates if log_probability(f) > leading - _LARGER_IN_REACH]
-    chosen = _best(candidates)[:most]
-    if not chosen:
-        return []
-    chosen += _other_variants(chosen, candidates)
-    leader = max(f.log_evidence for f in fits)
-    simulated = refinery.simulated(chosen)
-    if crossed := _crossed(chosen, simulated, refinery.known.effects):
-        simulated += refinery.simulated(crossed)
-    return _best(refinery.followed(simulated, leader))
-
-
-def _crossed(aimed: Iterable[Fit], simulated: Iterable[Fit], known: Sequence[Signature]) -> list[Fit]:
-    """What fell far short of its tangents, heat having moved rows across a threshold, with every other threshold."""
-    both = zip(aimed, simulated, strict=True)
-    short = _best(fit for line, fit in both if fit.log_evidence < hopeless(line.log_evidence))
-    found = []
-    for fit, s in product(short, known):
-        if s.entry.threshold and s.effect in fit.effects and s.other != fit.term(s.effect).signature.other:
-            terms = (replace(t, signature=s, slope=s.slope) if t.effect == s.effect else t for t in fit.terms)
-            found.append(replace(fit, terms=tuple(terms)))
-    return found
-
-
-def _other_variants(chosen: Sequence[Fit], candidates: Sequence[Fit]) -> list[Fit]:
-    """The same effects as what is chosen, in another variant, or with another slope of what is far from a line.
-
-    Which of them is best on tangents says little: slopes end at different values, and heat moves a threshold's rows.
-    """
-    sets, known = {f.effects for f in chosen}, {id(f) for f in chosen}
-    same = [f for f in candidates if f.effects in sets and id(f) not in known]
-    return [f for f in same if any(t.head.starts or t.signature.entry.parameters[1:] for t in f.terms)]
-
-
-def _term(signature: Signature) -> Term:
-    """An effect at its off value, with its slope there."""
-    return Term(signature=signature, value=signature.entry.headline.off, sigma=np.inf, slope=signature.slope)
-
-
-def _on_tangents(refinery: Refinery, base: Fit, more: Iterable[Sequence[Term]]) -> list[Fit]:
-    """The best fits with some terms more, as many for each, than a simulated one, on straight lines from its state."""
-    sets = [chosen for chosen in more if _are_new(chosen, base)]
-    if not sets:
-        return []
-    terms = {id(t): t for chosen in sets for t in chosen}
-    place, off = {key: k for k, key in enumerate(terms)}, {key: t.at(t.head.off) for key, t in terms.items()}
-    *slopes, left = base.vectors(refinery.residual)
-    vectors = np.stack([*slopes, *(t.slope for t in terms.values()), left])
-    seen = refinery.geometry.project(vectors, basis=False).with_directions(vectors, refinery.law(base))
-    ends = list(range(len(vectors) - 1, len(seen.each_other)))  # what is left, then the laws' columns
-    fits = [replace(base, terms=(*base.terms, *(off[id(t)] for t in chosen))) for chosen in sets]
-    parts = [[*range(len(slopes)), *(len(slopes) + place[id(t)] for t in chosen), *ends] for chosen in sets]
-    own = [fit.own(refinery.known) for fit in fits]
-    weighed = evidence_of(fits, refinery.geometry.products_among(seen, np.array(parts), own))
-    best = sorted(range(len(fits)), key=lambda k: -weighed[k].promised[0])[:_SCREENED]
-    return _fitted_lines(refinery, [fits[k] for k in best])
-
-
-def _are_new(chosen: Sequence[Term], base: Fit) -> bool:
-    """Whether these are different effects, none of which a fit has."""
-    effects = {t.effect for t in chosen}
-    return len(effects) == len(chosen) and effects.isdisjoint(base.effects)

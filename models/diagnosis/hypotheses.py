@@ -28,6 +28,8 @@ from sim.effects.base import EffectParameter
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
+P_CONSISTENT = 0.5
+P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
 SURELY = 1.64  # standard deviations of the fit: 95 %
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
@@ -151,6 +153,11 @@ class Fit:
         """Every value moved along its slope."""
         return self.at(tuple(t.moved(s) for t, s in zip(self.terms, steps.tolist(), strict=True)))
 
+    def without(self, effect: str) -> Self:
+        """The same without one of its effects, whose slope leads back to off."""
+        off = tuple(t.at(t.head.off) if t.effect == effect else t for t in self.terms)
+        return replace(self.at(off), terms=tuple(t for t in self.terms if t.effect != effect))
+
     def at(self, terms: tuple[Term, ...], log_evidence: float | None = None) -> Self:
         """The same terms at other values, moved there along their slopes; with another evidence where one is given."""
         change = sum((new.value - old.value) * old.slope for new, old in zip(terms, self.terms, strict=True))
@@ -162,6 +169,16 @@ class Fit:
             bend=self.bend,
             spreads=self.spreads,
         )
+
+
+def log_prior(fit: Fit, catalogue: int) -> float:
+    """Log prior of a hypothesis out of a catalogue of so many effects; each shares it among its variants."""
+    causes = len(fit.terms)
+    if causes == 0:
+        return float(np.log(P_CONSISTENT))
+    variants = math.prod(len(t.signature.entry.variants()) for t in fit.terms)
+    ways = math.comb(catalogue, causes) * variants
+    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

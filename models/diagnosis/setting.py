@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import noiseless_covariance
-from models.diagnosis.evidence import NEGLIGIBLE, log_total, on_tangents, weighed_with_leftovers
+from models.diagnosis.evidence import NEGLIGIBLE, log_total, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
 from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise, without_widening
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
+from models.diagnosis.search import on_tangents
 from models.diagnosis.signatures import Signatures
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model

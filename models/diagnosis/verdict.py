@@ -102,9 +102,13 @@ def _above(term: Term) -> float:
 
 
 def _catches(term: Term, fit: Fit) -> bool:
-    """Whether a threshold is too small, beside another cause, to be more than what that one's law misses."""
-    beside = len(fit.terms) > 1 and term.signature.entry.threshold
-    return beside and abs(term.distance) < _OF_ITS_OWN * term.head.prior
+    """Whether a threshold is too small, beside another cause, to be more than what that one's law misses.
+
+    What is beside it and as small as on any ordinary bench is no cause, and its law misses nothing to speak of.
+    """
+    if not term.signature.entry.threshold or abs(term.distance) >= _OF_ITS_OWN * term.head.prior:
+        return False
+    return any(other.beyond_everyday for other in fit.terms if other is not term)
 
 
 def _has_caught(fit: Fit) -> bool:

@@ -6,16 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from models.diagnosis.evidence import (
-    _crossed,
-    _other_variants,
-    log_prior,
-    posterior,
-    search,
-    weighed_with_leftovers,
-)
-from models.diagnosis.hypotheses import Fit
+from models.diagnosis.evidence import posterior, weighed_with_leftovers
+from models.diagnosis.hypotheses import Fit, log_prior
 from models.diagnosis.refinery import Refinery
+from models.diagnosis.search import _crossed, _other_variants, search
 from models.diagnosis.signatures import Signature
 from sim.effects.catalogue import effect
 from sim.model import Model

@@ -249,6 +249,14 @@ def test_a_small_threshold_beside_another_cause_does_not_count() -> None:
         assert set(verdict.stated) - {"link_resistance"} == set(stated)
 
 
+def test_a_small_threshold_counts_beside_what_every_bench_has() -> None:
+    prior = CATALOGUE["fan_step"].headline.prior
+    both = joint_fit({"link_resistance": ALONG, "fan_step": ACROSS}, ALONG + ACROSS, value=0.7 * prior)
+    everyday = replace(both, terms=(replace(both.terms[0], value=0.0), both.terms[1]))
+    verdict = judge([Hypothesis(fit=everyday, leftover=None, probability=1.0)], WHITENER)
+    assert verdict.stated == ("fan_step",)
+
+
 def test_a_threshold_that_is_no_cause_stands_in_the_way_as_what_is_left_over_does() -> None:
     prior = CATALOGUE["fan_step"].headline.prior
     fit = joint_fit({"link_resistance": ALONG, "fan_step": ACROSS}, ALONG + ACROSS, value=0.6 * prior)

@@ -1,0 +1,38 @@
+"""What a search tries again on a linear bench."""
+
+import numpy as np
+import pytest
+
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.search import _shorter
+from models.diagnosis.signatures import Signature
+from sim.effects.catalogue import effect
+from tests.models.diagnosis.fabricated import joint_fit, refinery
+
+READINGS = 24
+GROWING = np.linspace(5.0, 60.0, READINGS)  # W per Ohm
+FLAT = np.ones(READINGS)
+SIGMA = np.linspace(0.2, 0.4, READINGS)
+
+
+def _weighed(bench: Refinery, fits: list[Fit]) -> list[Fit]:
+    return [f.at(f.terms, w.log_evidence) for f, w in zip(fits, bench.weighed_all(fits), strict=True)]
+
+
+@pytest.mark.parametrize("power_W", [0.0, 2.0])
+def test_a_value_that_was_found_beside_an_idle_cause_is_tried_without_it(power_W: float) -> None:
+    readings = 0.05 * GROWING + power_W + SIGMA * np.random.default_rng(11).standard_normal(READINGS)
+    slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}
+    bench = refinery(readings, [Signature(entry=effect(n), slope=s) for n, s in slopes.items()], SIGMA)
+    at_off = joint_fit(slopes, 0.0 * FLAT, value=0.0)
+    both, stuck = _weighed(
+        bench,
+        [at_off.moved(np.array([0.05, power_W])), at_off.without("auxiliary_power").moved(np.array([0.02]))],
+    )
+    found = _shorter(bench, [both], [stuck])
+    assert [f.effects for f in found] == ([("link_resistance",)] if power_W == 0.0 else [])
+    for fit in found:
+        assert fit.terms[0].value == pytest.approx(0.05, abs=4 * bench.weighed(fit).sigma[0])
+        assert fit.log_evidence > stuck.log_evidence + 10
+        assert _shorter(bench, [both], found) == []  # known already
