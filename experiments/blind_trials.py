@@ -11,6 +11,7 @@ leave. What that excludes is counted. ``--only`` runs some of the parts; finishe
 Seeds 1800000 to 1899999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import drivers.mocks.lab
@@ -18,17 +19,20 @@ import experiments.blind
 import experiments.harness.lab_data
 import models
 import sim
-from experiments.blind.calibration import COVERAGE_PART
+from experiments.blind.calibration import COVERAGE_PART, COVERAGES
+from experiments.blind.draws import coverage, efficiency_only, singles
 from experiments.blind.extension import EXTENSION_PART
 from experiments.blind.part import Outcome, Part, Run
+from experiments.blind.scoring import judged
 from experiments.blind.seeds import SCORING, TUNING, Seeds
 from experiments.blind.surrogates import SURROGATE_PART
 from experiments.blind.tied import TIED_PART
-from experiments.blind.verdicts import VERDICT_PARTS
+from experiments.blind.verdicts import EFFICIENCY_ONLYS, SINGLES, VERDICT_PARTS
 from experiments.harness.journal import Journal, code_hash
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Result
+from experiments.harness.result import Picture, Result, Table
 from experiments.harness.settings import Settings
+from experiments.study.trial_pictures import RELIABILITY, by_isolability, confusion, credibility
 
 PARTS: tuple[Part, ...] = (*VERDICT_PARTS, COVERAGE_PART, TIED_PART, EXTENSION_PART, SURROGATE_PART)
 NAMES = tuple(part.name for part in PARTS)
@@ -44,7 +48,21 @@ def run_with(seeds: Seeds, settings: Settings) -> Result:
     result = _joined(outcomes)
     left = [part.name for part in PARTS if part not in chosen]
     said = (*result.notes, f"{SCORING}; {TUNING}", *([f"not run: {', '.join(left)}"] if left else []))
-    return replace(result, notes=said)
+    return replace(result, notes=said, pictures=_pictures(run, {part.name for part in chosen}, result.tables))
+
+
+def _pictures(run: Run, names: Collection[str], tables: Sequence[Table]) -> tuple[Picture, ...]:
+    """What there is to see of the parts that were run, from trials that the journal holds by now."""
+    single = run.scored(singles, SINGLES) if "single" in names else []
+    alone = run.scored(efficiency_only, EFFICIENCY_ONLYS) if "efficiency_only" in names else []
+    kinds = {"all channels": single, "efficiency alone": alone}
+    found = [confusion(single)] if judged(single) else []
+    if seen := {kind: scored for kind, scored in kinds.items() if judged(scored)}:
+        found.append(by_isolability(seen))
+    if "coverage" in names:
+        (reliability,) = (table for table in tables if table.title == RELIABILITY)
+        found.append(credibility(run.scored(coverage, COVERAGES), reliability))
+    return tuple(found)
 
 
 def _joined(outcomes: list[Outcome]) -> Result:
