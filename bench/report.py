@@ -19,6 +19,7 @@ from bench.bands import loaded_rows
 from bench.wording import (
     MODEL_NAMES,
     action_text,
+    added_power,
     channel_name,
     counted,
     duration,
@@ -104,7 +105,7 @@ def environment() -> Environment:
     )
     made.filters |= {
         "points": points_text, "per_cent": per_cent, "duration": duration,
-        "words": effect_name, "counted": counted, "fixed": fixed,
+        "words": effect_name, "counted": counted, "fixed": fixed, "added_power": added_power,
         "parameter": lambda parameter: unbroken(parameter_text(parameter)),
         "action": action_text, "channel": channel_name, "probability": probability_text, "verdict_class": verdict_class,
     }  # fmt: skip

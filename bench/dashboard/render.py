@@ -8,6 +8,7 @@ from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 
 from bench.wording import (
     action_text,
+    added_power,
     channel_name,
     effect_name,
     fixed,
@@ -32,6 +33,7 @@ _environment.filters |= {
     "channel": channel_name,
     "points": points_text,
     "per_cent": per_cent,
+    "added_power": added_power,
     "probability": probability_text,
     "words": effect_name,
     "fixed": fixed,

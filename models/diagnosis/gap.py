@@ -1,6 +1,7 @@
-"""How far the simulation is off, before any cause; and how much of that a cause takes away."""
+"""How far the simulation is off, before any cause; and what a cause carries of that."""
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,41 @@ from models.diagnosis.observations import Observations
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carried:
+    """What a cause adds to the input power of the rows with load in W, over them, and its ``share`` of the gap.
+
+    The share is of the mean absolute gap, 0 to 1, if nothing else were off: shares need not add up to one, and what
+    works against the other causes has none.
+    """
+
+    mean_W: float
+    lowest_W: float
+    highest_W: float
+    share: float
+
+    @classmethod
+    def by(cls, observations: Observations, residual: Array, shift: Array) -> Self:
+        """Of a cause by what it adds to the predicted readings, (M,)."""
+        judged = _judged(observations)
+        before = float(np.mean(np.abs(residual[judged])))
+        after = float(np.mean(np.abs((residual - shift)[judged])))
+        return cls(
+            mean_W=float(np.mean(shift[judged])),
+            lowest_W=float(np.min(shift[judged])),
+            highest_W=float(np.max(shift[judged])),
+            share=float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 0.0,
+        )
+
+    def as_plain(self) -> dict[str, Any]:
+        """As in the JSON answer."""
+        loss_W = {"mean": self.mean_W, "lowest": self.lowest_W, "highest": self.highest_W}
+        return {"share_of_gap": self.share, "loss_W": loss_W}
+
+
 def gap(observations: Observations, residual: Array) -> dict[str, Any]:
     """How far the simulation is off in efficiency and watts, and where it is worst."""
-    judged = observations.of("efficiency") & observations.loaded[observations.row]
+    judged = _judged(observations)
     row, watts = observations.row[judged], residual[judged]
     power = np.asarray(observations.points.power_W)[row]
     measured = observations.value[judged]
@@ -32,9 +65,6 @@ def gap(observations: Observations, residual: Array) -> dict[str, Any]:
     }
 
 
-def share_of_gap(observations: Observations, residual: Array, shift: Array) -> float:
-    """How much of the mean absolute gap in watts a shift of the prediction takes away."""
-    judged = observations.of("efficiency") & observations.loaded[observations.row]
-    before = float(np.mean(np.abs(residual[judged])))
-    after = float(np.mean(np.abs((residual - shift)[judged])))
-    return float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 0.0
+def _judged(observations: Observations) -> NDArray[np.bool_]:
+    """Which readings are the input power of rows with load, (M,)."""
+    return np.asarray(observations.of("efficiency") & observations.loaded[observations.row])

@@ -71,7 +71,10 @@ def test_the_answer_has_every_key(named: Diagnosis) -> None:
 
 def test_every_cause_has_every_key(named: Diagnosis) -> None:
     cause = named.as_plain()["causes"][0]
-    assert set(cause) == {"effect", "probability", "share_of_gap", "parameters", "tied_with", "says", "check"}
+    assert set(cause) == {
+        "effect", "probability", "share_of_gap", "loss_W", "parameters", "tied_with", "says", "check",
+    }  # fmt: skip
+    assert set(cause["loss_W"]) == {"mean", "lowest", "highest"}
     (parameter,) = cause["parameters"]
     assert {"name", "value", "ci95", "off"} <= set(parameter)
     low, high = parameter["ci95"]
