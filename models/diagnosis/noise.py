@@ -31,7 +31,8 @@ _NEEDED = 4  # differences below which replicates say nothing
 class ChannelNoise:
     """Noise of one channel: relative to the reading's power where ``proportional``, else in its unit.
 
-    ``idle`` is that of rows without load, in the channel's unit; 0 where none was read again.
+    ``idle`` is that of rows without load, in the channel's unit; 0 where none was read again. ``scatter`` is what the
+    ``differences`` themselves say, without any margin.
     """
 
     channel: str
@@ -41,6 +42,7 @@ class ChannelNoise:
     excess_kurtosis: float
     autocorrelation: float
     idle: float = 0.0
+    scatter: float = 0.0
 
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
@@ -116,7 +118,7 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
         of_each = _differences(observations, scaled, channel.name, carrying)
         steps = np.concatenate(of_each) if of_each else np.empty(0)
         floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
-        n = steps.size
+        n, spread = steps.size, 0.0
         if n >= _NEEDED:
             spread = float(np.sqrt(np.mean(steps**2)))
             sigma = max(spread * _upper(n), floor)
@@ -134,6 +136,7 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
                 excess_kurtosis=kurtosis,
                 autocorrelation=memory,
                 idle=_idle(_differences(observations, residual, channel.name, unloaded)),
+                scatter=spread,
             )
         )
     return found
@@ -195,7 +198,7 @@ def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Arra
     """Standard deviations (M,) after a look at what the best explanation leaves of each reading.
 
     ``left`` (M,) is in sigmas, corrected for what the explanation has absorbed. Each channel's noise is scaled to
-    what is left there, the replicates keeping their weight; single readings beyond three sigmas are widened.
+    what is left there, the replicates counting with what they say; single readings beyond three sigmas are widened.
     """
     scaled = sigma.copy()
     for entry in noise:
@@ -204,10 +207,23 @@ def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Arra
         if not z2.size:
             continue
         typical = float(np.mean(np.minimum(z2, _FAR_OFF**2))) / _CLIPPED
-        weight = entry.differences + z2.size
-        scale = float(np.clip(np.sqrt((entry.differences + z2.size * typical) / weight), *_SCALES))
+        told = entry.differences * _told(observations, entry, sigma)
+        square = (told + z2.size * typical) / (entry.differences + z2.size)
+        scale = float(np.clip(np.sqrt(square), *_SCALES))
         scaled[mask] *= scale * np.maximum(1.0, np.sqrt(z2) / (_FAR_OFF * scale))
     return scaled
+
+
+def _told(observations: Observations, entry: ChannelNoise, sigma: Array) -> float:
+    """What replicates scatter by over what was taken for their noise, squared; 1 at most, as without any.
+
+    A floor, a margin and what the table was rounded to are nothing that replicates say; a drift is no noise.
+    """
+    mask = observations.of(entry.channel) & observations.loaded[observations.row]
+    if not (entry.scatter and np.any(mask)):
+        return 1.0
+    taken = sigma[mask] / scale_of(observations, entry.channel)[mask]
+    return min(float(np.mean((entry.scatter / taken) ** 2)), 1.0)
 
 
 def without_widening(observations: Observations, first: Array, sigma: Array) -> Array:

@@ -113,6 +113,12 @@ class Signatures:
         less = np.stack([share * smooth, share * at_edges, cut_short])
         return replace(self, inaccuracy=np.concatenate([less, whole_map]), doubt=doubt)
 
+    def others_doubted(self, observations: Observations, share: float) -> Self:
+        """The same with all channels but the input power wrong by such a share of what they are wrong by here."""
+        less = self.inaccuracy.copy()
+        less[:2] *= np.where(observations.of("efficiency"), 1.0, share)
+        return replace(self, inaccuracy=less)
+
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that effects change together, (k,)."""
         return _own_spreads(names, self.spread_names)

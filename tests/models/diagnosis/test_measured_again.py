@@ -37,10 +37,10 @@ def test_rows_with_the_most_current_tell_most_of_a_resistance(found: Diagnosis, 
     loaded = np.flatnonzero((found.observations.frame["kind"] == "load").to_numpy())
     loaded = loaded[np.isin(loaded, found.observations.row)]
     rows = telling_rows(found.refinery, [(r.fit, r.probability) for r in rivals], loaded)
-    power_W = found.observations.frame["P2_W"].to_numpy()
+    current_A = found.observations.frame["I_L_rms_A"].to_numpy()
     assert sorted(rows) == sorted(loaded)
-    # rows in no order would have equal means; power is a stand-in for current, which D1 and D2 change as well
-    assert np.mean(power_W[rows[:10]]) > 1.2 * np.mean(power_W[rows[-30:]])
+    # rows in no order would have equal means; the link's loss goes by the current's square, the noise by power
+    assert np.mean(current_A[rows[:10]] ** 2) > 1.3 * np.mean(current_A[rows[-30:]] ** 2)
 
 
 def test_what_is_proposed_was_measured(found: Diagnosis, rivals: list[Rival]) -> None:

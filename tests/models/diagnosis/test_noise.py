@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from models.diagnosis.noise import estimate_noise, scale_of, sigma_of
+from models.diagnosis.noise import corrected, estimate_noise, scale_of, sigma_of
 from models.diagnosis.observations import Observations, observe
 from sim.prototype import prototype
 from tests.models.diagnosis.fabricated import loads
@@ -129,3 +129,36 @@ def test_readings_of_a_load_that_wanders_are_replicates() -> None:
 def test_a_sweep_over_power_has_no_replicates() -> None:
     (noise,) = estimate_noise(loads(np.linspace(300.0, 1500.0, 50)), np.zeros(50))  # steps of 24 W
     assert noise.differences == 0
+
+
+def heavy_sink(noise_K: float) -> Observations:
+    """A heatsink's temperature at four set points, fifteen times each, with normal noise."""
+    draw = np.random.default_rng(8).standard_normal(60)
+    power_W = np.tile(SET_POINTS, 15)
+    frame = pd.DataFrame({"D1": 0.9, "D2": 0.1, "P2_W": power_W, "kind": "load", "P1_W": power_W / 0.98})
+    frame = frame.assign(T_heatsink_C=40.0 + noise_K * draw, time_s=60.0 * np.arange(60))
+    return observe(frame, prototype())
+
+
+@pytest.mark.parametrize("noise_K", [0.15, 0.6])
+def test_replicates_count_with_what_they_say(noise_K: float) -> None:
+    """A floor of 0.2 K and the margin of an estimate are cautions: what is left and replicates agree on less."""
+    observations = heavy_sink(noise_K)
+    residual = np.where(observations.of("T_heatsink_C"), observations.value - 40.0, 0.0)
+    noise = estimate_noise(observations, residual)
+    first = sigma_of(observations, noise)
+    sigma = corrected(observations, noise, first, residual / first)
+    usual = np.median(sigma[observations.of("T_heatsink_C")])
+    # 56 differences and 60 readings of the same noise: three standard errors of sqrt(1 / (2 n))
+    assert usual == pytest.approx(noise_K, rel=3 * np.sqrt(1 / (2 * 60)))
+
+
+def test_replicates_that_drift_do_not_undo_what_is_taken_for_noise() -> None:
+    observations = heavy_sink(0.6)
+    residual = np.where(observations.of("T_heatsink_C"), observations.value - 40.0, 0.0)
+    noise = estimate_noise(observations, residual)
+    first = 0.2 * sigma_of(observations, noise)
+    left = np.random.default_rng(9).standard_normal(first.size)
+    sigma = corrected(observations, noise, first, left)
+    # what is left is of one sigma, to three standard errors of sixty readings; replicates would have made it four
+    assert np.median(sigma / first) == pytest.approx(1.0, rel=3 * np.sqrt(1 / (2 * 60)))

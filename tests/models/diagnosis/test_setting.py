@@ -78,6 +78,27 @@ def test_with_other_channels_too_laws_that_are_wrong_stay_doubted(several: Obser
     assert setting(several, there, wrong_W).refinery.known.doubt == 1.0
 
 
+def test_other_channels_are_doubted_less_where_they_agree(several: Observations) -> None:
+    there = signatures(several, Model.baseline())
+    kept = there.finite()
+    before, after = there.take(kept), setting(several, there).refinery.known
+    others = ~several.of("efficiency")[kept]
+    # three tenths, twice; rounding
+    np.testing.assert_allclose(after.inaccuracy[:2, others], 0.09 * before.inaccuracy[:2, others], rtol=1e-12)
+    np.testing.assert_array_equal(after.inaccuracy[2], before.inaccuracy[2])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_other_channels_that_are_wrong_by_what_they_may_be_stay_doubted(
+    several: Observations, seed: int
+) -> None:
+    there = signatures(several, Model.baseline())
+    kept, others = there.finite(), ~several.of("efficiency")
+    wrong = np.where(others, wrong_by_doubt(several, there, seed), 0.0)
+    after = setting(several, there, wrong).refinery.known
+    np.testing.assert_array_equal(after.inaccuracy[:2, others[kept]], there.inaccuracy[:2][:, kept & others])
+
+
 def test_half_of_what_a_law_is_off_by_over_the_whole_map_stays(
     observations: Observations, known: Signatures
 ) -> None:
