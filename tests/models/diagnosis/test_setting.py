@@ -62,7 +62,7 @@ def test_where_readings_agree_with_the_simulation_its_laws_are_doubted_less(
     assert setting(observations, known).refinery.known.doubt == 0.1
 
 
-def test_with_other_channels_the_input_power_alone_is_doubted_less(several: Observations) -> None:
+def test_with_other_channels_the_input_power_is_doubted_less(several: Observations) -> None:
     there = signatures(several, Model.baseline())
     assert setting(several, there).refinery.known.doubt == 0.3
     less = there.doubted(several, 0.3).inaccuracy
