@@ -82,7 +82,7 @@ def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen
     near = None if ahead.near is None else ahead.near.take(used)
     repeated = None if ahead.rows is None else Repeated(known=known.told, rows=ahead.rows[used])
     there = signatures(seen, refinery.baseline, among=effects, near=near, repeated=repeated)
-    there = there.doubted(seen, known.doubt)
+    there = there.doubted(seen, known.doubt, known.others_doubt)
     accuracy = _Accuracy(refinery.observations, seen)
     across = known.spreads.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))

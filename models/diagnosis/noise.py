@@ -31,8 +31,8 @@ _NEEDED = 4  # differences below which replicates say nothing
 class ChannelNoise:
     """Noise of one channel: relative to the reading's power where ``proportional``, else in its unit.
 
-    ``idle`` is that of rows without load, in the channel's unit; 0 where none was read again. ``scatter`` is what the
-    ``differences`` themselves say, without any margin.
+    ``idle`` is that of rows without load, in the channel's unit; 0 where none was read again. ``scatter`` is
+    what the ``differences`` say without any margin; 0 where they are too few.
     """
 
     channel: str
@@ -118,11 +118,11 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
         of_each = _differences(observations, scaled, channel.name, carrying)
         steps = np.concatenate(of_each) if of_each else np.empty(0)
         floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
-        n, spread = steps.size, 0.0
+        n, scatter = steps.size, 0.0
         if n >= _NEEDED:
-            spread = float(np.sqrt(np.mean(steps**2)))
-            sigma = max(spread * _upper(n), floor)
-            power = max(float(np.mean(steps**2)), 1e-150)  # squared below: exact replicates have none
+            scatter = float(np.sqrt(np.mean(steps**2)))
+            sigma = max(scatter * _upper(n), floor)
+            power = max(scatter**2, 1e-150)  # squared below: exact replicates have none
             kurtosis = float(np.mean(steps**4)) / power**2 - 3.0
             memory = _autocorrelation(of_each, power)
         else:
@@ -136,7 +136,7 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
                 excess_kurtosis=kurtosis,
                 autocorrelation=memory,
                 idle=_idle(_differences(observations, residual, channel.name, unloaded)),
-                scatter=spread,
+                scatter=scatter,
             )
         )
     return found
@@ -207,23 +207,24 @@ def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Arra
         if not z2.size:
             continue
         typical = float(np.mean(np.minimum(z2, _FAR_OFF**2))) / _CLIPPED
-        told = entry.differences * _told(observations, entry, sigma)
+        told = entry.differences * _seen_by_replicates(observations, entry, sigma)
         square = (told + z2.size * typical) / (entry.differences + z2.size)
         scale = float(np.clip(np.sqrt(square), *_SCALES))
         scaled[mask] *= scale * np.maximum(1.0, np.sqrt(z2) / (_FAR_OFF * scale))
     return scaled
 
 
-def _told(observations: Observations, entry: ChannelNoise, sigma: Array) -> float:
-    """What replicates scatter by over what was taken for their noise, squared; 1 at most, as without any.
+def _seen_by_replicates(observations: Observations, entry: ChannelNoise, sigma: Array) -> float:
+    """What replicates scatter by over what was taken for their noise, squared; 1 at most, and where they are too few.
 
-    A floor, a margin and what the table was rounded to are nothing that replicates say; a drift is no noise.
+    A floor and a margin are nothing that replicates say, and a drift is no noise; rounding is all the same to them.
     """
-    mask = observations.of(entry.channel) & observations.loaded[observations.row]
-    if not (entry.scatter and np.any(mask)):
+    if entry.differences < _NEEDED:
         return 1.0
-    taken = sigma[mask] / scale_of(observations, entry.channel)[mask]
-    return min(float(np.mean((entry.scatter / taken) ** 2)), 1.0)
+    mask = observations.of(entry.channel) & observations.loaded[observations.row]
+    scatter = entry.scatter * scale_of(observations, entry.channel)[mask]
+    rounded = resolution(observations.value[mask]) ** 2 / 12
+    return min(float(np.mean((scatter**2 + rounded) / sigma[mask] ** 2)), 1.0)
 
 
 def without_widening(observations: Observations, first: Array, sigma: Array) -> Array:

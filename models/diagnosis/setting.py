@@ -1,5 +1,6 @@
 """What a diagnosis is carried out in: noise that fits the data, the covariance, and all that is weighed there."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,10 +31,8 @@ _ROUGH = 0.02  # of what the best explanation moves a reading by: no law is good
 # Shares of what the simulation may be off, where the readings show that it is as good as that, and the log evidence
 # that each asks for: of the first more, since what is assumed is for any converter; of the two whichever is likelier.
 # The second, and noise that settles anew, are for efficiency alone: beside other channels both change hardly anything.
-_WORTH_NARROWING = 3.0
-_NARROWER = ((0.3, _WORTH_NARROWING), (0.1, 0.0))
-# The same of all other channels together, one after the other, each a share of what the one before left.
-_OTHERS_NARROWER = (0.3, 0.3)
+_NARROWER = ((0.3, 3.0), (0.1, 0.0))
+_OTHERS_NARROWER = ((0.3, 3.0), (0.09, 3.0))  # of all other channels together
 _SEED = 0  # of the probes
 
 
@@ -100,30 +99,12 @@ def _everyday(known: Signatures, geometry: Geometry) -> list[float]:
 
 
 def _narrowed(bench: "_Bench", best: "_Settled") -> tuple["_Bench", "_Settled"]:
-    """The same with a simulation that is doubted less, as far as the readings are likelier so.
-
-    What laws are wrong by would then be a leftover: with one, they are not as good as that.
-    """
+    """The same with a simulation that is doubted less, as far as the readings are likelier so."""
     o = bench.observations
-    looks = _LOOKS if o.efficiency_alone else 1
-    for share, worth in _NARROWER if o.efficiency_alone else _NARROWER[:1]:
-        narrower = bench.with_known(bench.known.doubted(o, share))
-        tried = narrower.settled(best.first, best, looks)
-        if not _better(tried, best, worth):
-            break
-        bench, best = narrower, tried
-    for share in () if o.efficiency_alone else _OTHERS_NARROWER:
-        narrower = bench.with_known(bench.known.others_doubted(o, share))
-        tried = narrower.settled(best.first, best, looks)
-        if not _better(tried, best, _WORTH_NARROWING):
-            break
-        bench, best = narrower, tried
-    return bench, best
-
-
-def _better(tried: "_Settled", best: "_Settled", worth: float) -> bool:
-    """Whether the readings are likelier so by as much as is asked for, with nothing left over."""
-    return tried.whole and tried.log_evidence > best.log_evidence + worth
+    if o.efficiency_alone:
+        return bench.narrowed(best, lambda known, share: known.doubted(o, share), _NARROWER, _LOOKS)
+    bench, best = bench.narrowed(best, lambda known, share: known.doubted(o, share), _NARROWER[:1])
+    return bench.narrowed(best, lambda known, share: known.doubted(o, known.doubt, share), _OTHERS_NARROWER)
 
 
 def _steadier(observations: Observations, noise: list[ChannelNoise], sigma: Array) -> Array | None:
@@ -162,9 +143,26 @@ class _Bench:
     rivals: Leftovers
     noiseless: Covariance
 
-    def with_known(self, known: Signatures) -> "_Bench":
-        """The same with other doubts about the simulation."""
-        return replace(self, known=known, noiseless=noiseless_covariance(self.observations, known))
+    def narrowed(
+        self,
+        best: _Settled,
+        doubted: Callable[[Signatures, float], Signatures],
+        steps: Sequence[tuple[float, float]],
+        looks: int = 1,
+    ) -> "tuple[_Bench, _Settled]":
+        """Doubted less by the share of each of the ``steps``, as long as it brings the log evidence that is asked for.
+
+        With something left over the simulation is not as good as that.
+        """
+        bench = self
+        for share, worth in steps:
+            known = doubted(bench.known, share)
+            narrower = replace(bench, known=known, noiseless=noiseless_covariance(self.observations, known))
+            tried = narrower.settled(best.first, best, looks)
+            if not tried.whole or tried.log_evidence <= best.log_evidence + worth:
+                break
+            bench, best = narrower, tried
+        return bench, best
 
     def setting(self, sigma: Array, doubt: Array) -> Setting:
         """The setting with this noise (M,) and this doubt (M,) about what explains the readings."""

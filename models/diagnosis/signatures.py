@@ -76,10 +76,10 @@ class Signatures:
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction, and
     where efficiency is alone how far a limit one sigma off bends it;
     ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation, of
-    the input power only such a share as ``doubt`` says; what each loss part's law, one of ``laws`` (parts, M), may be
-    off by over the whole map then stands beneath. ``near`` is the baseline's simulation at ``rows`` of the frame, for
-    variants to start from, and ``lines`` are what they start along; ``told`` is what variants say there; ``state`` (by
-    row of the frame) is what thresholds are of.
+    the input power such a share as ``doubt`` says, of other channels as ``others_doubt``; what each loss part's law,
+    one of ``laws`` (parts, M), may be off by over the whole map then stands beneath. ``near`` is the baseline's
+    simulation at ``rows`` of the frame, for variants to start from along ``lines``; ``told`` is what variants say
+    there; ``state`` (by row of the frame) is what thresholds are of.
     """
 
     baseline: Array
@@ -92,6 +92,7 @@ class Signatures:
     inaccuracy: Array
     laws: Array
     doubt: float = 1.0
+    others_doubt: float = 1.0
     rows: NDArray[np.intp] | None = None
     near: Result | None = None
     lines: Lines | None = None
@@ -105,19 +106,13 @@ class Signatures:
         used = np.searchsorted(self.rows, np.unique(observations.row))
         return self.near.take(used), self.lines.take(used)
 
-    def doubted(self, observations: Observations, doubt: float) -> Self:
-        """The same with the input power wrong by such a share of what the simulation may be off."""
-        share = np.where(observations.of("efficiency"), doubt / self.doubt, 1.0)
+    def doubted(self, observations: Observations, doubt: float, others: float = 1.0) -> Self:
+        """The same with the input power wrong by such a share of what the simulation may be off, others by another."""
+        share = np.where(observations.of("efficiency"), doubt / self.doubt, others / self.others_doubt)
         smooth, at_edges, cut_short = self.inaccuracy[:3]
         whole_map = _STAYS * self.laws if doubt < _STAYS else self.laws[:0]
-        less = np.stack([share * smooth, share * at_edges, cut_short])
-        return replace(self, inaccuracy=np.concatenate([less, whole_map]), doubt=doubt)
-
-    def others_doubted(self, observations: Observations, share: float) -> Self:
-        """The same with all channels but the input power wrong by such a share of what they are wrong by here."""
-        less = self.inaccuracy.copy()
-        less[:2] *= np.where(observations.of("efficiency"), 1.0, share)
-        return replace(self, inaccuracy=less)
+        less = np.concatenate([np.stack([share * smooth, share * at_edges, cut_short]), whole_map])
+        return replace(self, inaccuracy=less, doubt=doubt, others_doubt=others)
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that effects change together, (k,)."""

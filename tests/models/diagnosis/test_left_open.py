@@ -49,6 +49,18 @@ def test_less_is_open_where_something_was_measured(found: Diagnosis) -> None:
     assert 0 < here < 0.7 * away
 
 
+@pytest.mark.parametrize("channel", ["D0", "P_link1_W"])
+def test_a_channel_that_agrees_is_known_better_than_by_one_reading(channel: str) -> None:
+    found = diagnose(load_measurements(lab_campaign({}, seed=100_011, count=70).frame))
+    refinery, first = found.refinery, found.observations.frame.iloc[5]
+    where = Points(D1=[first["D1"]], D2=[first["D2"]], power_W=[first["P2_W"]])
+    ahead = Ahead(points=where, channels=(CHANNEL[channel],))
+    open_ = left_open(refinery, ahead, [nothing(refinery).fit]).covariance[0, 0, 0] ** 0.5
+    noise = refinery.noise[refinery.observations.of(channel)]
+    assert refinery.known.others_doubt < 1.0
+    assert open_ < np.min(noise)  # seventy rows tell it; what was feared of the simulation is twice the noise
+
+
 def test_an_effect_of_unknown_size_leaves_more_open(found: Diagnosis) -> None:
     hidden = next(rival for rival in found.rivals if "link_resistance" in rival.effects)
     where = (0.9, 0.05, 1900.0)

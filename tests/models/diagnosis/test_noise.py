@@ -162,3 +162,14 @@ def test_replicates_that_drift_do_not_undo_what_is_taken_for_noise() -> None:
     sigma = corrected(observations, noise, first, left)
     # what is left is of one sigma, to three standard errors of sixty readings; replicates would have made it four
     assert np.median(sigma / first) == pytest.approx(1.0, rel=3 * np.sqrt(1 / (2 * 60)))
+
+
+def test_replicates_that_share_their_rounding_do_not_deny_it() -> None:
+    exact = loads(np.tile(SET_POINTS, 15))
+    observations = replace(exact, value=10.0 * np.round(exact.value / 10.0))
+    noise = estimate_noise(observations, np.zeros(60))
+    first = sigma_of(observations, noise)
+    left = np.random.default_rng(10).uniform(-5.0, 5.0, 60) / first
+    sigma = corrected(observations, noise, first, left)
+    # a step of 10 W; the mean of sixty squares of a uniform deviate has a standard error of 12 %, its root of 6
+    np.testing.assert_allclose(sigma, 10.0 / np.sqrt(12), rtol=0.18)
