@@ -19,7 +19,7 @@ import experiments.blind
 import experiments.harness.lab_data
 import models
 import sim
-from experiments.blind.calibration import COVERAGE_PART, COVERAGES
+from experiments.blind.calibration import COVERAGE_PART, COVERAGES, RELIABILITY
 from experiments.blind.draws import coverage, efficiency_only, singles
 from experiments.blind.extension import EXTENSION_PART
 from experiments.blind.part import Outcome, Part, Run
@@ -32,7 +32,7 @@ from experiments.harness.journal import Journal, code_hash
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Picture, Result, Table
 from experiments.harness.settings import Settings
-from experiments.study.trial_pictures import RELIABILITY, by_isolability, confusion, credibility
+from experiments.study.trial_pictures import by_isolability, confusion, credibility
 
 PARTS: tuple[Part, ...] = (*VERDICT_PARTS, COVERAGE_PART, TIED_PART, EXTENSION_PART, SURROGATE_PART)
 NAMES = tuple(part.name for part in PARTS)

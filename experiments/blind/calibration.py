@@ -13,7 +13,8 @@ from experiments.blind.verdicts import NOTHINGS, notes
 from experiments.harness.result import Goal, Table
 
 COVERAGES = 1000
-_LISTED = 0.5  # probability from which an interval is judged: what a reader takes for a cause
+RELIABILITY = "Reliability of stated probabilities"  # the table's title
+LISTED = 0.5  # probability from which an interval is judged: what a reader takes for a cause
 _EDGES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0 + 1e-9)
 _CONFIDENCE = 0.99
 _LEAST = 5  # statements in a bin, below which it says nothing
@@ -25,7 +26,7 @@ def intervals(scored: Sequence[Scored]) -> Share:
     for s in judged(scored):
         for name, value in s.trial.headlines.items():
             cause = s.said.cause(name)
-            if cause is not None and cause.probability >= _LISTED:
+            if cause is not None and cause.probability >= LISTED:
                 found.append(cause.holds(value))
     return Share.of(found)
 
@@ -51,7 +52,7 @@ def reliability(stated: Sequence[tuple[float, bool]]) -> tuple[Table, int]:
         observed = share.per_cent if own else None
         rows.append((label, len(own), mean, observed, ci[0], ci[1], "off" if outside else "agrees"))
     columns = ("stated probability", "statements", "mean stated, %", "observed, %", "99 % from", "to", "")
-    return Table(title="Reliability of stated probabilities", columns=columns, rows=tuple(rows)), off
+    return Table(title=RELIABILITY, columns=columns, rows=tuple(rows)), off
 
 
 def _coverage(run: Run) -> Outcome:

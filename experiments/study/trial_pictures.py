@@ -5,8 +5,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 from scipy.stats import norm
 
+from experiments.blind.answer import NO_ANSWER
+from experiments.blind.calibration import LISTED, intervals
 from experiments.blind.scoring import Scored, judged, share
 from experiments.harness.result import Picture, Table
 from experiments.study.pictures import (
@@ -23,13 +26,12 @@ from experiments.study.pictures import (
 )
 from sim.effects.catalogue import CATALOGUE
 
-RELIABILITY = "Reliability of stated probabilities"  # the table that a picture is of
+Array = NDArray[np.float64]
 
-_NAMELESS = ("consistent", "unknown", "no answer")
+_NAMELESS = ("consistent", "unknown", NO_ANSWER)
 _DARK = 60.0  # per cent: on a darker cell a number is white
 _BANDS = (5.0, 6.0, 7.0, 8.5, 10.0, 15.0, 30.0, 100.0, np.inf)  # sigma
 _TICKS = (5, 10, 20, 50, 100, 200)
-_LIKELY = 0.5  # probability from which a value is looked at
 _HALF_95 = float(norm.ppf(0.975))  # standard deviations in half a 95 % interval
 _FURTHEST = 4.0  # standard deviations that are drawn: what is further off is counted there
 
@@ -38,10 +40,7 @@ def confusion(scored: Sequence[Scored]) -> Picture:
     """Single hidden effects against what was said first, in per cent of the trials of each."""
     seen = judged(scored)
     of_each = Counter(s.trial.names[0] for s in seen)
-    hidden = [name for name in CATALOGUE if of_each[name]]
-    said = [*hidden, *_NAMELESS]
-    taken = Counter((s.trial.names[0], _first(s)) for s in seen)
-    shares = np.array([[100.0 * taken[h, k] / of_each[h] for k in said] for h in hidden])
+    hidden, said, shares = _shares(seen)
     figure = canvas(8.4, 7.0)
     axes = figure.subplots()
     mesh = axes.imshow(np.where(shares > 0, shares, np.nan), cmap=MAP, vmin=0.0, vmax=100.0, aspect="auto")
@@ -49,7 +48,7 @@ def confusion(scored: Sequence[Scored]) -> Picture:
     axes.grid(visible=False)
     axes.set_xticks(range(len(said)), said, rotation=90, fontsize=7)
     axes.set_yticks(range(len(hidden)), [f"{h} ({of_each[h]})" for h in hidden], fontsize=7)
-    axes.axvline(len(hidden) - 0.5, color=SOFT, linewidth=1.0)
+    axes.axvline(len(said) - len(_NAMELESS) - 0.5, color=SOFT, linewidth=1.0)
     for row, column in np.argwhere((shares > 0) & (shares < 100)):
         colour = "white" if shares[row, column] < _DARK else TEXT
         number = f"{shares[row, column]:.0f}"
@@ -59,6 +58,15 @@ def confusion(scored: Sequence[Scored]) -> Picture:
     bar.ax.tick_params(labelsize=8, colors=TEXT)
     caption = f"{len(seen)} labs with one hidden effect. Right of the line: verdicts without a name."
     return picture(figure, "confusion", caption)
+
+
+def _shares(seen: Sequence[Scored]) -> tuple[list[str], list[str], Array]:
+    """What was hidden (H) and what was said first (S), each in the catalogue's order, and per cent of it, (H, S)."""
+    taken = Counter((s.trial.names[0], _first(s)) for s in seen)
+    hidden = [name for name in CATALOGUE if any(h == name for h, _ in taken)]
+    named = [name for name in CATALOGUE if any(name in pair for pair in taken)]
+    counts = np.array([[taken[h, k] for k in (*named, *_NAMELESS)] for h in hidden], dtype=float)
+    return hidden, [*named, *_NAMELESS], 100.0 * counts / np.sum(counts, axis=1, keepdims=True)
 
 
 def by_isolability(kinds: Mapping[str, Sequence[Scored]]) -> Picture:
@@ -106,22 +114,22 @@ def credibility(scored: Sequence[Scored], reliability: Table) -> Picture:
     right.axvspan(-_HALF_95, _HALF_95, color=SOFT, alpha=0.08, linewidth=0)
     dress(right, "Values", "value less truth, standard deviations", "density")
     legend(right)
-    outside = 100.0 * float(np.mean(np.abs(off) > _HALF_95)) if off.size else float("nan")
+    outside = 100.0 - intervals(scored).per_cent
     caption = (
-        "Effects drawn from the prior. Left: causes by their stated probability, and how many of them were there; bars "
-        "are 99 % intervals, numbers count statements. Right: values of causes with half the probability or more, less "
-        "the hidden ones, in standard deviations as their 95 % intervals have them on that side; "
-        f"{outside:.1f} % lie outside the shaded 95 %."
+        "Labs with effects drawn from the prior, and as many with none. Left: causes by their stated probability, and "
+        "how many of them were there; bars are 99 % intervals, numbers count statements. Right: values of causes with "
+        "half the probability or more, less the hidden ones, in standard deviations as their 95 % intervals have them "
+        f"on that side; {outside:.1f} % lie outside the shaded 95 %."
     )
     return picture(figure, "credibility", caption)
 
 
 def _probabilities(axes: Axes, reliability: Table) -> None:
     axes.plot([0, 100], [0, 100], color=SOFT, linewidth=1.0, linestyle="--")
-    for _, count, *shares, _ in reliability.rows:
+    for _, count, *per_cent, _ in reliability.rows:
         if not count:
             continue
-        stated, observed, low, high = (float(share or 0.0) for share in shares)
+        stated, observed, low, high = (float(x) for x in per_cent if x is not None)
         axes.errorbar(
             stated, observed, [[observed - low], [high - observed]],
             color=COLOURS[0], marker=MARKERS[0], markersize=5, capsize=2, linewidth=1.0,
@@ -130,13 +138,13 @@ def _probabilities(axes: Axes, reliability: Table) -> None:
     dress(axes, "Probabilities", "stated, %", "observed, %")
 
 
-def _deviations(scored: Sequence[Scored]) -> np.ndarray:
+def _deviations(scored: Sequence[Scored]) -> Array:
     """How far stated values are from the hidden ones, in standard deviations of their intervals' sides, (N,)."""
     found = []
     for s in judged(scored):
         for name, truth in s.trial.headlines.items():
             cause = s.said.cause(name)
-            if cause is None or cause.probability < _LIKELY:
+            if cause is None or cause.probability < LISTED:
                 continue
             side = cause.value - cause.low if truth < cause.value else cause.high - cause.value
             found.append(_HALF_95 * (cause.value - truth) / max(side, 1e-300))

@@ -9,7 +9,7 @@ from experiments import blind_trials
 from experiments.blind.calibration import reliability, statements
 from experiments.blind.scoring import Scored
 from experiments.harness.settings import Settings
-from experiments.study.trial_pictures import _deviations, _first, credibility
+from experiments.study.trial_pictures import _deviations, _first, _shares, credibility
 from tests.experiments.fabricated import answer, scored
 
 PNG = b"\x89PNG"
@@ -38,6 +38,23 @@ def test_parts_that_were_run_are_drawn(parts: set[str], names: list[str]) -> Non
     found = blind_trials._pictures(_Told(), parts, [table])  # type: ignore[arg-type]  # as much of a run as it needs
     assert [picture.name for picture in found] == names
     assert all(picture.png.startswith(PNG) and picture.caption for picture in found)
+
+
+def test_every_trial_is_in_its_row() -> None:
+    """Also one that was taken for what nobody hid."""
+    nothing = scored("skin_effect", answer("consistent"))
+    hidden, said, shares = _shares(
+        [RIGHT, TAKEN_FOR, nothing, scored("dead_time", answer("named", "fan_step"))]
+    )
+    assert hidden == ["skin_effect", "dead_time"]
+    of = {
+        h: {k: share for k, share in zip(said, row, strict=True) if share}
+        for h, row in zip(hidden, shares.tolist(), strict=True)
+    }
+    assert of == {
+        "skin_effect": {"dead_time": 50.0, "consistent": 50.0},
+        "dead_time": {"dead_time": 50.0, "fan_step": 50.0},
+    }
 
 
 def test_pictures_are_part_of_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
