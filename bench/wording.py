@@ -154,15 +154,15 @@ def fixed(value: float | None, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if _known(value) else "–"
 
 
-def added_power(loss_W: object) -> str:
+def added_power(added_W: object) -> str:
     """What a cause adds to the input power, as the answer has it in W: mean, and below it the range.
 
     >>> added_power({"mean": -2.314, "lowest": -4.6, "highest": -0.42}).splitlines(), added_power(None)
     (['−2.31', '−4.60 to −0.42'], '–')
     """
-    if not isinstance(loss_W, Mapping):
+    if not isinstance(added_W, Mapping):
         return "–"  # an answer of an earlier version
-    mean, low, high = (fixed(loss_W[key], 2) for key in ("mean", "lowest", "highest"))
+    mean, low, high = (fixed(added_W[key], 2) for key in ("mean", "lowest", "highest"))
     return minus(f"{mean}\n{low} to {high}")
 
 

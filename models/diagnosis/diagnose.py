@@ -18,7 +18,7 @@ from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior
 from models.diagnosis.extension import extended, interval
 from models.diagnosis.gain import Gain, Readings, Worth
-from models.diagnosis.gap import Carried, gap
+from models.diagnosis.gap import Added, gap
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.left_out import edge_rows, outliers, rows_left_out
 from models.diagnosis.next_measurement import (
@@ -61,7 +61,7 @@ class Diagnosis:
     residual: Array
     noise: list[ChannelNoise]
     gap: dict[str, Any]
-    carried: dict[str, Carried]
+    added: dict[str, Added]
     worth: Worth | None
     rivals: list[Rival]
     refinery: Refinery
@@ -186,7 +186,7 @@ class Diagnosis:
         return {
             "effect": cause.effect,
             "probability": cause.probability,
-            **self.carried[cause.effect].as_plain(),
+            **self.added[cause.effect].as_plain(),
             "parameters": parameters,
             "tied_with": list(cause.tied_with),
             "says": entry.says,
@@ -295,7 +295,7 @@ def _diagnosed(
         residual=refinery.residual,
         noise=noise,
         gap=gap(observations, refinery.residual),
-        carried={c.effect: Carried.by(observations, refinery.residual, c.shift) for c in verdict.causes},
+        added={c.effect: Added.by(observations, refinery.residual, c.shift) for c in verdict.causes},
         worth=worth,
         rivals=rivals,
         refinery=refinery,

@@ -1,4 +1,4 @@
-"""How far the simulation is off, before any cause; and what a cause carries of that."""
+"""How far the simulation is off, before any cause; and what a cause adds to it."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -12,8 +12,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Carried:
-    """What a cause adds to the input power of the rows with load in W, over them, and its ``share`` of the gap.
+class Added:
+    """What a cause adds to the input power of the rows with load in W, and its ``share`` of the gap.
 
     The share is of the mean absolute gap, 0 to 1, if nothing else were off: shares need not add up to one, and what
     works against the other causes has none.
@@ -26,7 +26,7 @@ class Carried:
 
     @classmethod
     def by(cls, observations: Observations, residual: Array, shift: Array) -> Self:
-        """Of a cause by what it adds to the predicted readings, (M,)."""
+        """Of a cause whose ``shift`` (M,) is what it adds to the predictions, in the units of the ``residual`` (M,)."""
         judged = _judged(observations)
         before = float(np.mean(np.abs(residual[judged])))
         after = float(np.mean(np.abs((residual - shift)[judged])))
@@ -39,8 +39,8 @@ class Carried:
 
     def as_plain(self) -> dict[str, Any]:
         """As in the JSON answer."""
-        loss_W = {"mean": self.mean_W, "lowest": self.lowest_W, "highest": self.highest_W}
-        return {"share_of_gap": self.share, "loss_W": loss_W}
+        added_W = {"mean": self.mean_W, "lowest": self.lowest_W, "highest": self.highest_W}
+        return {"share_of_gap": self.share, "added_W": added_W}
 
 
 def gap(observations: Observations, residual: Array) -> dict[str, Any]:

@@ -28,8 +28,8 @@ from sim.effects.base import EffectParameter
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-P_CONSISTENT = 0.5
-P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
+_P_CONSISTENT = 0.5
+_P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
 SURELY = 1.64  # standard deviations of the fit: 95 %
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
@@ -175,10 +175,10 @@ def log_prior(fit: Fit, catalogue: int) -> float:
     """Log prior of a hypothesis out of a catalogue of so many effects; each shares it among its variants."""
     causes = len(fit.terms)
     if causes == 0:
-        return float(np.log(P_CONSISTENT))
+        return float(np.log(_P_CONSISTENT))
     variants = math.prod(len(t.signature.entry.variants()) for t in fit.terms)
     ways = math.comb(catalogue, causes) * variants
-    return math.log((1 - P_CONSISTENT) * P_CAUSES[causes - 1] / ways)
+    return math.log((1 - _P_CONSISTENT) * _P_CAUSES[causes - 1] / ways)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,8 @@
 """The search: every effect alone, then pairs and triples of what leads.
 
 All are screened in closed form on their tangents; what is in reach of the best is simulated at its values until it
-stands still. Where an effect is far from a line, that may end at a value which is not its best one, and come to the
-best with a further cause beside it that itself is next to off: without that cause the value stays.
+stands still. Where an effect is far from a line, that may end short of its best value, and a further cause beside it,
+next to off itself, may lead it there. Such a cause is left out again, and the value kept.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,7 +24,7 @@ _SHARPENED = 6  # that get slopes simulated at their values
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a hypothesis that is worth slopes of its own
 _LARGER_IN_REACH = 3.0  # the same with one cause more, and on its tangents: worth a simulation
-_IDLE = 3.0  # standard deviations from off: a cause that may well not be there
+_FAINT = 3.0  # standard deviations from off: a cause that may well not be there
 _BETTER = 0.5  # in log evidence: another place, not a step along the old one
 _SIGNIFICANT = 3.0  # standard deviations
 _AS_PROMISED = 2.0  # in log evidence: nothing that was simulated so near its tangent has no more to gain
@@ -245,18 +245,18 @@ def _larger(refinery: Refinery, fits: list[Fit], straight: list[Term], size: int
 
 
 def _shorter(refinery: Refinery, fits: Sequence[Fit], known: Iterable[Fit]) -> list[Fit]:
-    """Fits with their idle causes left out one at a time, followed to the end: those that gain on what is ``known``."""
+    """Fits without one of their faint causes each, followed to the end: those that gain on what is ``known``."""
     starts = [
         fit.without(term.effect)
         for fit, weighed in zip(fits, refinery.weighed_all(fits), strict=True)
         for term, sigma in zip(fit.terms, weighed.sigma, strict=True)
-        if len(fit.terms) > 1 and abs(term.distance) < _IDLE * sigma
+        if abs(term.distance) < _FAINT * sigma
     ]
     if not starts:
         return []
     evidence = {fit.effects: fit.log_evidence for fit in known}
     found = refinery.followed(refinery.simulated(starts), max(evidence.values()))
-    return [f for f in found if f.log_evidence > evidence.get(f.effects, float("-inf")) + _BETTER]
+    return [f for f in found if f.log_evidence > evidence.get(f.effects, -np.inf) + _BETTER]
 
 
 def _crossed(aimed: Iterable[Fit], simulated: Iterable[Fit], known: Sequence[Signature]) -> list[Fit]:

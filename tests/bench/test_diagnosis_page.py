@@ -14,7 +14,7 @@ from bench.diagnosis_page import DiagnosisPage, noise_rows, tiles, unseen, write
 
 CAUSE = {
     "effect": "link_resistance", "probability": 0.997, "share_of_gap": 0.91, "tied_with": [],
-    "loss_W": {"mean": 8.9, "lowest": 0.4, "highest": 21.0},
+    "added_W": {"mean": 8.9, "lowest": 0.4, "highest": 21.0},
     "parameters": [{"name": "resistance_Ohm", "value": 0.071, "ci95": [0.066, 0.077], "off": 0.0}],
     "says": "more series resistance than modelled", "check": "measure the ac link with four wires",
 }  # fmt: skip
@@ -139,7 +139,7 @@ def test_what_is_not_surely_and_much_worse_is_used(
 
 def test_a_cause_says_its_watts(page: DiagnosisPage, tmp_path: Path) -> None:
     assert '<td class="number">8.90<br>0.40 to 21.00</td>' in written(page, tmp_path)
-    before = {key: value for key, value in CAUSE.items() if key != "loss_W"}  # as kept by an earlier version
+    before = {key: value for key, value in CAUSE.items() if key != "added_W"}  # as kept by an earlier version
     older = written(replace(page, diagnosis=ANSWER | {"causes": [before]}), tmp_path)
     assert '<td class="number">–</td>' in older
 

@@ -72,9 +72,9 @@ def test_the_answer_has_every_key(named: Diagnosis) -> None:
 def test_every_cause_has_every_key(named: Diagnosis) -> None:
     cause = named.as_plain()["causes"][0]
     assert set(cause) == {
-        "effect", "probability", "share_of_gap", "loss_W", "parameters", "tied_with", "says", "check",
+        "effect", "probability", "share_of_gap", "added_W", "parameters", "tied_with", "says", "check",
     }  # fmt: skip
-    assert set(cause["loss_W"]) == {"mean", "lowest", "highest"}
+    assert set(cause["added_W"]) == {"mean", "lowest", "highest"}
     (parameter,) = cause["parameters"]
     assert {"name", "value", "ci95", "off"} <= set(parameter)
     low, high = parameter["ci95"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.diagnosis.gap import Carried
+from models.diagnosis.gap import Added
 from tests.models.diagnosis.fabricated import loads
 
 LOADS = loads(np.array([500.0, 1000.0, 1500.0, 2000.0]))
@@ -11,23 +11,23 @@ GAP = np.array([1.0, 2.0, 3.0, 4.0])
 
 
 def test_the_whole_gap_is_carried_by_what_explains_it() -> None:
-    whole = Carried.by(LOADS, GAP, GAP)
+    whole = Added.by(LOADS, GAP, GAP)
     assert (whole.mean_W, whole.lowest_W, whole.highest_W) == (2.5, 1.0, 4.0)
     assert whole.share == pytest.approx(1.0)
 
 
 def test_a_share_is_of_the_mean_absolute_gap() -> None:
-    assert Carried.by(LOADS, GAP, np.ones(4)).share == pytest.approx(0.4)  # 2.5 W becomes 1.5 W
+    assert Added.by(LOADS, GAP, np.ones(4)).share == pytest.approx(0.4)  # 2.5 W becomes 1.5 W
 
 
 def test_what_works_against_the_others_has_watts_but_no_share() -> None:
-    against = Carried.by(LOADS, GAP, -GAP)
+    against = Added.by(LOADS, GAP, -GAP)
     assert (against.mean_W, against.share) == (-2.5, 0.0)
     assert against.as_plain() == {
         "share_of_gap": 0.0,
-        "loss_W": {"mean": -2.5, "lowest": -4.0, "highest": -1.0},
+        "added_W": {"mean": -2.5, "lowest": -4.0, "highest": -1.0},
     }
 
 
 def test_no_gap_has_no_shares() -> None:
-    assert Carried.by(LOADS, np.zeros(4), np.ones(4)).share == 0.0
+    assert Added.by(LOADS, np.zeros(4), np.ones(4)).share == 0.0

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from models.diagnosis import search as searched
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.search import _shorter
+from models.diagnosis.search import _shorter, search
 from models.diagnosis.signatures import Signature
 from sim.effects.catalogue import effect
 from tests.models.diagnosis.fabricated import joint_fit, refinery
@@ -21,7 +22,7 @@ def _weighed(bench: Refinery, fits: list[Fit]) -> list[Fit]:
 
 
 @pytest.mark.parametrize("power_W", [0.0, 2.0])
-def test_a_value_that_was_found_beside_an_idle_cause_is_tried_without_it(power_W: float) -> None:
+def test_a_value_that_was_found_beside_a_faint_cause_is_tried_without_it(power_W: float) -> None:
     readings = 0.05 * GROWING + power_W + SIGMA * np.random.default_rng(11).standard_normal(READINGS)
     slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}
     bench = refinery(readings, [Signature(entry=effect(n), slope=s) for n, s in slopes.items()], SIGMA)
@@ -36,3 +37,23 @@ def test_a_value_that_was_found_beside_an_idle_cause_is_tried_without_it(power_W
         assert fit.terms[0].value == pytest.approx(0.05, abs=4 * bench.weighed(fit).sigma[0])
         assert fit.log_evidence > stuck.log_evidence + 10
         assert _shorter(bench, [both], found) == []  # known already
+
+
+def test_the_search_goes_on_from_what_a_faint_cause_led_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    readings = 0.05 * GROWING + SIGMA * np.random.default_rng(11).standard_normal(READINGS)
+    slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}
+    bench = refinery(readings, [Signature(entry=effect(n), slope=s) for n, s in slopes.items()], SIGMA)
+    at_off = joint_fit(slopes, 0.0 * FLAT, value=0.0)
+    nothing, stuck, both = _weighed(
+        bench,
+        [
+            Fit.nothing(READINGS),
+            at_off.without("auxiliary_power").moved(np.array([0.02])),
+            at_off.moved(np.array([0.05, 0.0])),
+        ],
+    )
+    monkeypatch.setattr(searched, "_alone", lambda _: ([nothing, stuck], []))
+    monkeypatch.setattr(searched, "_larger", lambda *args: [both] if args[3] == 2 else [])
+    monkeypatch.setattr(searched, "_sharpened", lambda _, fits: fits)  # each as it came
+    alone = next(f for f in search(bench) if f.effects == ("link_resistance",))
+    assert alone.terms[0].value == pytest.approx(0.05, abs=4 * bench.weighed(alone).sigma[0])

@@ -15,5 +15,5 @@ def test_a_choke_that_saturates_is_found_where_its_line_leads_nowhere() -> None:
     )
     found = diagnose(load_measurements(efficiency_table(measured(trial))))
     assert found.verdict.stated == ("inductor_saturation",)
-    # a fifth of it may be the law's, which is good to ten per cent
-    assert 0.19 < found.verdict.causes[0].term.value < 0.32
+    low, high = found.as_plain(ahead=False)["causes"][0]["parameters"][0]["ci95"]
+    assert low < 0.268 < high

@@ -252,7 +252,8 @@ def test_a_small_threshold_beside_another_cause_does_not_count() -> None:
 def test_a_small_threshold_counts_beside_what_every_bench_has() -> None:
     prior = CATALOGUE["fan_step"].headline.prior
     both = joint_fit({"link_resistance": ALONG, "fan_step": ACROSS}, ALONG + ACROSS, value=0.7 * prior)
-    everyday = replace(both, terms=(replace(both.terms[0], value=0.0), both.terms[1]))
+    inside = 4.0 * both.terms[0].head.tolerance  # the line is at 4.1
+    everyday = replace(both, terms=(replace(both.terms[0], value=inside), both.terms[1]))
     verdict = judge([Hypothesis(fit=everyday, leftover=None, probability=1.0)], WHITENER)
     assert verdict.stated == ("fan_step",)
 
