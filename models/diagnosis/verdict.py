@@ -272,13 +272,13 @@ def _groups(
     rest = [c for c in large if c.probability < SURE]
     groups = [_tie_group(c, rest, hypotheses, whitener) for c in sure]
     taken = {name for group in groups for name in group}
-    rest = [c for c in rest if c.effect not in taken and not (sure and _rather_ordinary(c, hypotheses))]
+    rest = [c for c in rest if c.effect not in taken and not _rather_ordinary(c, hypotheses)]
     together = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and excluded else ()
     return [*groups, together] if together else groups
 
 
 def _rather_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:
-    """Whether what is surely there is rather as large as on any bench: no cause, beside one that is."""
+    """Whether what is surely there is rather as large as on any bench: no cause."""
     return cause.probability < _LIKELY and _any_of(hypotheses, (cause.effect,)) >= SURE
 
 

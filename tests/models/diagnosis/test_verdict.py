@@ -312,3 +312,19 @@ def test_beside_a_sure_cause_what_is_rather_ordinary_is_not_stated(beyond: float
     verdict = judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER)
     assert (verdict.kind, len(verdict.stated)) == ("named", stated)
     assert verdict.stated[0] == "link_resistance"
+
+
+def test_what_is_rather_ordinary_is_not_stated_alone_either() -> None:
+    """Beside a leftover that hides the only sure cause: nothing is named, and what is stated is always listed."""
+    both = joint_fit({"link_resistance": ALONG, "thermal_resistance": ACROSS}, ALONG + ACROSS)
+    usual = replace(both.terms[0], value=0.01, sigma=0.001)  # ten sigmas, and as large as on any bench
+    short = replace(both.terms[1], value=1.0, sigma=0.25)  # four sigmas
+    far = replace(usual, value=0.02)
+    cases = ((0.96, (usual, short)), (0.03999, (usual,)), (0.00001, (far,)))
+    hypotheses = [
+        Hypothesis(fit=replace(both, terms=terms), leftover=_leftover(1.5), probability=probability)
+        for probability, terms in cases
+    ]
+    verdict = judge(hypotheses, WHITENER, leftover=8.0)
+    assert (verdict.kind, verdict.stated) == ("unknown", ())
+    assert [cause.effect for cause in verdict.causes] == ["thermal_resistance"]
