@@ -148,10 +148,10 @@ def probability_text(probability: float) -> str:
 def fixed(value: float | None, digits: int = 1) -> str:
     """A number to so many decimals.
 
-    >>> fixed(8.23), fixed(None)
-    ('8.2', '–')
+    >>> fixed(8.23), fixed(-0.04), fixed(None)
+    ('8.2', '0.0', '–')
     """
-    return f"{value:.{digits}f}" if _known(value) else "–"
+    return f"{round(value, digits) + 0.0:.{digits}f}" if _known(value) else "–"  # + 0.0: never "-0.0"
 
 
 def added_power(added_W: object) -> str:

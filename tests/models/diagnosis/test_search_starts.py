@@ -17,3 +17,4 @@ def test_a_choke_that_saturates_is_found_where_its_line_leads_nowhere() -> None:
     assert found.verdict.stated == ("inductor_saturation",)
     low, high = found.as_plain(ahead=False)["causes"][0]["parameters"][0]["ci95"]
     assert low < 0.268 < high
+    assert high - low < 0.268  # one sigma of the law is a tenth: known to half of itself at the worst
