@@ -141,27 +141,29 @@ def separated(trial: BlindTrial, answer: Answer) -> bool:
 
 
 def ask_tied(trial: BlindTrial) -> dict[str, Any]:
-    """Diagnose, do what it proposes, ten rows at most, and ask again, until what is hidden is named alone."""
-    bench, channels = Bench.of(trial), list[str]()
+    """Diagnose, do what it proposes, ten rows at most, and ask again, until what is hidden is named alone.
+
+    Which channel is asked for is what the last answer says.
+    """
+    bench = Bench.of(trial)
     plain = bench.diagnosed()
     first = plain["verdict"]
     while not settled(trial, Answer.of(plain, 0.0)) and bench.added < MOST_ROWS:
-        proposals = [understood(step) for step in plain["next"]]
-        channels += [p.channel for p in proposals if p.channel]
-        feasible = [p for p in proposals if p.plan is not None]
+        feasible = [p for p in map(understood, plain["next"]) if p.plan is not None]
         if not feasible:
             break
         bench.carry_out(feasible)
         plain = bench.diagnosed()
     possible, needed = _possible(trial)
     answer = Answer.of(plain, 0.0)
+    channels = {p.channel for p in map(understood, plain["next"]) if p.channel}
     return {
         "first": first,
         "last": plain["verdict"],
         "separated": separated(trial, answer),
         "alone": settled(trial, answer),
         "rows": bench.added,
-        "channels": sorted(set(channels)),
+        "channels": sorted(channels),
         "separable_sigma": possible,
         "needed": needed,
     }

@@ -283,7 +283,8 @@ def _diagnosed(
     )
     if nameless is not None:
         verdict = telling_of(verdict, nameless)
-    chosen, rivals = _leading(hypotheses, verdict), rivals_of(hypotheses, refinery)
+    chosen = _leading(hypotheses, verdict)
+    rivals = rivals_of(hypotheses, refinery, {name for group in verdict.groups for name in group})
     worth = _worth(setting, hypotheses, verdict, seed)
     if worth is not None and processes > 1:
         progress("holding out blocks")

@@ -9,11 +9,11 @@ a part's spread or the simulation's own inaccuracy that explains the difference 
 that was measured tells less of itself and of its neighbours. Steps are chosen one after the other, each with those
 before it taken as measured: worth :math:`\sum p_i p_j \exp(-D_{ij}^2/2) \, d_{ij}^2 / 2` per minute, with
 :math:`D_{ij}` what they separate already. Many small steps are worth it where they tell enough together. Where all
-of them leave a pair tied, it is said what they tell at most, and which channel would do: the cheapest that separates
-all such pairs in as many rows, or the one that tells most.
+of them leave a pair tied, it is said what they tell at most, and which channel would do, in as many rows or in as
+many as were measured: the cheapest that separates all such pairs, or the one that tells most, if that is a sigma.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Self
@@ -45,7 +45,8 @@ Array = NDArray[np.float64]
 MOST_STEPS = 10
 SEPARATED = 4.0  # sigmas at which the worse of two explanations keeps less than one part in a thousand
 _SAID = 0.1  # sigmas
-_SMALL_STEPS = Allowed(least_sigma=0.5, together_sigma=0.5)
+_WORTH_A_CHANNEL = 1.0  # sigmas that it tells of some pair
+_HOWEVER_LITTLE = Allowed(least_sigma=0.0)
 NO_FIT = Fit(terms=(), shift=np.empty(0))
 _LEAST = 0.03  # probability from which an explanation takes part
 _MOST_RIVALS = 6
@@ -116,14 +117,23 @@ class Rival:
     fit: Fit = NO_FIT
 
 
-def rivals_of(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> list[Rival]:
-    """The most probable explanations, one for each set of effects, at their own everyday spreads."""
+def rivals_of(
+    hypotheses: Sequence[Hypothesis], refinery: Refinery, tied: Collection[str] = ()
+) -> list[Rival]:
+    """The most probable explanations, one for each set of effects, at their own everyday spreads.
+
+    Of causes that are stated as ``tied`` the best explanation by each is one, improbable as it may be.
+    """
     total: dict[tuple[str, ...], float] = {}
     fits: dict[tuple[str, ...], Fit] = {}
     for h in hypotheses:
         fits.setdefault(h.fit.effects, h.fit)
         total[h.fit.effects] = total.get(h.fit.effects, 0.0) + h.probability
-    chosen = sorted(((p, e) for e, p in total.items() if p >= _LEAST), reverse=True)[:_MOST_RIVALS]
+    ranked = sorted(((p, e) for e, p in total.items()), reverse=True)
+    stated = {next(e for _, e in ranked if name in e) for name in tied}
+    others = [e for p, e in ranked if p >= _LEAST and e not in stated]
+    taking_part = stated | set(others[: _MOST_RIVALS - len(stated)])
+    chosen = [(p, e) for p, e in ranked if e in taking_part]
     return [
         Rival(
             effects=e,
@@ -168,7 +178,9 @@ def next_measurements(
         # with other channels a diagnosis keeps further from the most that can be carried
         room = with_room(replace(observations, channels=CHANNELS), [r.model for r in rivals], options.points)
         told = float(np.sqrt(min(reached[k] for k in tied)))
-        steps += everything.of_pairs(tied).missing([k for k in alone if room[k]], absent, most, told)
+        rows = [k for k in alone if room[k]]
+        measured = np.unique(observations.row).size
+        steps += everything.of_pairs(tied).missing(rows, absent, most, measured, told)
     return steps
 
 
@@ -280,24 +292,38 @@ class _Race:
         return replace(self, pairs=self.pairs[list(pairs)], apart=self.apart[:, list(pairs)])
 
     def missing(
-        self, rows: Sequence[int], columns: Sequence[str], most: int, told: float
+        self, rows: Sequence[int], columns: Sequence[str], most: int, measured: int, told: float
     ) -> list[NextMeasurement]:
-        """The channel of these columns that the pairs need, and where to begin with it; or none.
+        """The channel of these columns that the pairs need, and where to begin with it; or none that tells a sigma.
 
-        Rows of the channels that are measured have ``told`` so many sigmas of the worst pair.
+        It is judged by what it tells in the best rows, ``most`` of them, or if as many as were ``measured`` had it.
+        Rows of the channels that there are have ``told`` so many sigmas of the worst pair.
         """
         weight, found = self._weight(), list[tuple[float, str, NextMeasurement]]()
         for column in (c for c in _CHEAPEST_FIRST if c in columns):
             place = next(k for k, channel in enumerate(CHANNELS) if channel.column == column)
-            steps, reached = self.among(rows, [place]).steps(most, _SMALL_STEPS)
-            if steps:
-                found.append((float(weight @ np.minimum(reached, SEPARATED**2)), column, steps[0]))
+            alone = self.among(rows, [place])
+            steps, reached = alone.steps(most, _HOWEVER_LITTLE)
+            apart = np.maximum(reached, alone._altogether(measured))
+            if np.max(apart) >= _WORTH_A_CHANNEL**2:
+                found.append((float(weight @ np.minimum(apart, SEPARATED**2)), column, steps[0]))
         if not found:
             return []
         _, column, step = max(found, key=lambda each: each[0])  # the first of several that separate all
         so_far = f", {told:.1f} sigma at most" if told > _SAID else ""
         action = f"no point will do with the channels measured{so_far}: measure {column} too; {step.action}"
         return [replace(step, action=action, by_hand=True)]
+
+    def _altogether(self, measured: int) -> Array:
+        """Squared sigmas between each pair, (pairs,), if all options together had as many rows as were measured."""
+        noise2 = self.options.sigma.ravel() ** 2 * len(self.options.what) / measured
+        spread = self.open_ + np.diag(noise2)
+        total = np.zeros(len(self.pairs))
+        for side in (0, 1):
+            apart = self.apart[side]
+            solved = np.linalg.solve(spread[self.pairs[:, side]], apart[:, :, None])[:, :, 0]
+            total += 0.5 * np.sum(apart * solved, axis=1)
+        return total
 
     def _weight(self) -> Array:
         """How probable both of a pair are, (pairs,)."""

@@ -58,21 +58,31 @@ def search(refinery: Refinery) -> list[Fit]:
 
 
 def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
-    """All fits, those in reach of the best with slopes of their own, and at the values that these lead to."""
+    """All fits, those in reach of the best with slopes of their own, and at the values that these lead to.
+
+    A slope learned on the way may be too shallow, and what is known worse then is too likely. Where slopes of their own
+    take that from the best, others come in reach.
+    """
+    sharp, rest = list[Fit](), fits
+    while leading := _to_sharpen(refinery, sharp, rest):
+        ids = {id(fit) for fit in leading}
+        rest = [fit for fit in rest if id(fit) not in ids]
+        sharp += refinery.followed(refinery.sharpened(leading))
+    return [*rest, *sharp]
+
+
+def _to_sharpen(refinery: Refinery, sharp: Sequence[Fit], rest: Sequence[Fit]) -> list[Fit]:
+    """Of the rest those in reach of the best, as many as may be sharpened still, the most probable first."""
     catalogue = len({s.effect for s in refinery.known.effects})
-    probability = {id(f): f.log_evidence + log_prior(f, catalogue) for f in fits}
-    first = max(fits, key=lambda f: probability[id(f)])
+    probability = {id(f): f.log_evidence + log_prior(f, catalogue) for f in [*rest, *sharp]}
+    first = max([*rest, *sharp], key=lambda f: probability[id(f)])
 
     def in_reach(fit: Fit) -> bool:
         reach = _LARGER_IN_REACH if len(fit.terms) > len(first.terms) else _IN_REACH
         return probability[id(fit)] > probability[id(first)] - reach
 
-    order = sorted((f for f in fits if f.terms), key=lambda f: -probability[id(f)])
-    leading = [f for f in order if in_reach(f)][:_SHARPENED]
-    if not leading:
-        return fits
-    ids = {id(f) for f in leading}
-    return [*(f for f in fits if id(f) not in ids), *refinery.followed(refinery.sharpened(leading))]
+    order = sorted((f for f in rest if f.terms), key=lambda f: -probability[id(f)])
+    return [f for f in order if in_reach(f)][: _SHARPENED - len(sharp)]
 
 
 def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:

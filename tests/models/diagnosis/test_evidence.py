@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from models.diagnosis.evidence import posterior, weighed_with_leftovers
 from models.diagnosis.hypotheses import Fit, log_prior
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.search import _crossed, _other_variants, search
+from models.diagnosis.search import _crossed, _other_variants, _sharpened, search
 from models.diagnosis.signatures import Signature
 from sim.effects.catalogue import effect
 from sim.model import Model
@@ -169,6 +169,20 @@ def test_a_slope_that_was_learned_wrongly_is_simulated_anew() -> None:
     np.testing.assert_allclose(sharp.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
     was, becomes = (bench.weighed(fit).sigma[0] for fit in (wrong, sharp))
     assert was < 0.5 * becomes  # and would have been believed
+
+
+def test_what_comes_in_reach_of_a_best_that_was_too_likely_is_simulated_anew_too() -> None:
+    """Slopes too shallow by twenty leave values open, which counts as likely: 3 in log evidence of each."""
+    bench = refinery(0.05 * GROWING + noise(10), [LINK, AUXILIARY], SIGMA)
+    slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}
+    right = joint_fit(slopes, 0.05 * (GROWING + FLAT), value=0.05)
+    both = replace(right, terms=(replace(right.terms[0], slope=0.05 * GROWING), right.terms[1]))
+    link = replace(both, terms=both.terms[:1], shift=0.05 * GROWING, log_evidence=0.0)
+    nothing = replace(Fit.nothing(READINGS), log_evidence=-100.0)
+    _, *sharp = _sharpened(bench, [nothing, link, replace(both, log_evidence=-3.5)])
+    assert {fit.effects for fit in sharp} == {link.effects, both.effects}
+    for fit in sharp:
+        np.testing.assert_allclose(fit.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
 
 
 @pytest.mark.parametrize("name", ["fan_step", "warm_up_drift"])

@@ -6,13 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from models.dataset import load_measurements
 from models.diagnosis.bench_options import bench_options
-from models.diagnosis.next_measurement import MOST_STEPS, SEPARATED, Rival, next_measurements
+from models.diagnosis.diagnose import diagnose
+from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.next_measurement import MOST_STEPS, SEPARATED, Rival, next_measurements, rivals_of
 from models.diagnosis.observations import Observations, observe
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
 from sim.simulate import can_run
+from tests.models.diagnosis.fabricated import fit_of
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
 POWERS = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
@@ -69,6 +73,24 @@ def test_the_cheapest_channel_that_will_do_is_asked_for() -> None:
     assert "measure D0 too" in needed.action
     assert "sigma at most" in needed.action  # what rows tell without it
     assert needed.by_hand
+
+
+def test_no_channel_is_asked_for_that_would_not_tell_either() -> None:
+    nearly_alike = [rival("link_resistance", 0.02), rival("link_resistance", 0.02001)]
+    assert next_measurements(observe(efficiency_alone(), prototype()), nearly_alike) == []
+
+
+def test_every_cause_that_is_stated_as_tied_takes_part() -> None:
+    refinery = diagnose(load_measurements(simulated_campaign(Model.baseline(), seed=1, count=20))).refinery
+    shift = np.zeros(refinery.residual.size)
+    likely, hardly, never = (
+        Hypothesis(fit=fit_of(name, shift, value=0.1), leftover=None, probability=probability)
+        for name, probability in (("link_resistance", 0.98), ("skin_effect", 0.015), ("fan_step", 0.005))
+    )
+    alone = rivals_of([likely, hardly, never], refinery)
+    assert [r.effects for r in alone] == [("link_resistance",)]
+    tied = rivals_of([likely, hardly, never], refinery, ("skin_effect", "link_resistance"))
+    assert [r.effects for r in tied] == [("link_resistance",), ("skin_effect",)]
 
 
 def test_points_are_proposed_up_to_what_a_diagnosis_takes() -> None:
