@@ -22,6 +22,7 @@ from sim.spread import Spread
 
 Array = NDArray[np.float64]
 
+_BESIDE = " beside "
 _STEP = 0.01  # of an effect's prior scale: parts go along
 
 
@@ -52,11 +53,18 @@ class CommonModes:
             axes[np.ix_(own, own)] = _turned_to(_moved(entry, converter, [spreads[k] for k in own]))
             names[own[0]] = name
             for k in own[1:]:
-                names[k] = f"{spreads[k].path} beside {spreads[own[0]].path}"
+                names[k] = spreads[k].path + _BESIDE + spreads[own[0]].path
         return cls(spreads=spreads, names=tuple(names), axes=axes)
 
     def __len__(self) -> int:
         return len(self.spreads)
+
+    def differences(self, effect: str) -> NDArray[np.intp]:
+        """The axes along which the parts of an effect differ, none where it has but one."""
+        if effect not in self.names:
+            return np.empty(0, dtype=np.intp)
+        beside = _BESIDE + self.spreads[self.names.index(effect)].path
+        return np.array([k for k, name in enumerate(self.names) if name.endswith(beside)], dtype=np.intp)
 
     def along(self, parts: Array) -> Array:
         """Parts (..., K) that are off by so many sigmas, along the axes."""

@@ -7,7 +7,8 @@ may have is
 
 .. math:: \min_y\ (y - w)^T C^{-1} (y - w) \quad \text{where} \quad |y| \le 4.1 .
 
-One value alone gives the line.
+One value alone gives the line. A part further off than that is a cause by another name: what of a hypothesis needs
+parts beyond the line does not count for it.
 """
 
 from collections.abc import Sequence
@@ -15,13 +16,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import EVERYDAY, SURELY, Term
+from models.diagnosis.hypotheses import EVERYDAY, SURELY, Fit, Term, log_inside
+from models.diagnosis.leftover import Leftover
+from models.diagnosis.refinery import Refinery
 from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
 
 # of 25 normal spreads some two, or some three, are further off in one bench of a thousand, as some one is of its line
 _FURTHEST = {1: EVERYDAY, 2: 5.0, 3: 5.7}
+_LEAST_OPEN = 1e-6  # of a spread's variance, against rounding
 _HALVINGS = 60  # of a bracket: to a double's own accuracy
 
 
@@ -36,6 +40,19 @@ def everyday_together(terms: Sequence[Term], whitener: Whitener) -> bool:
         return True  # as most are: what follows takes a look at all readings
     covariance = np.outer(sigma, sigma) * _correlation(terms, whitener) / np.outer(usual, usual)
     return nearest_everyday(acting / usual, covariance) <= SURELY
+
+
+def log_everyday(refinery: Refinery, fit: Fit, leftover: Leftover | None = None) -> float:
+    """Log of the share of a hypothesis in which every spread, each for itself, is within the everyday line."""
+    line = np.full(len(refinery.known.spreads), EVERYDAY)
+    larger = refinery.larger(fit)
+    line[: larger.size] *= larger
+    others = np.setdiff1d(np.arange(line.size), fit.own(refinery.known))
+    spreads, line = refinery.known.spreads[others], line[others]
+    solved = refinery.solve(fit, np.vstack([spreads, refinery.residual - fit.shift]), leftover)
+    told = np.sum(spreads * solved[:-1], axis=1)
+    sigma = np.sqrt(np.clip(1.0 - told, _LEAST_OPEN, 1.0))
+    return float(np.sum(log_inside((-line, line), spreads @ solved[-1], sigma)))
 
 
 def nearest_everyday(values: Array, covariance: Array) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.everyday import log_everyday
 from models.diagnosis.hypotheses import Fit, WeighedBeside, log_prior, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery
@@ -15,6 +16,7 @@ from models.diagnosis.search import search
 Array = NDArray[np.float64]
 
 P_LEFTOVER = 0.2
+_WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 
 
@@ -28,8 +30,17 @@ class Hypothesis:
 
 
 def posterior(refinery: Refinery) -> list[Hypothesis]:
-    """Every hypothesis with its probability, the most probable first."""
-    return weighed_with_leftovers(refinery, search(refinery))
+    """Every hypothesis with its probability, the most probable first.
+
+    Where one needs parts further off than any ordinary bench has them, only what it is without them counts.
+    """
+    hypotheses = weighed_with_leftovers(refinery, search(refinery))
+    worth = sum(h.probability > _WORTH_IT for h in hypotheses)  # they come first
+    shares = [math.exp(log_everyday(refinery, h.fit, h.leftover)) for h in hypotheses[:worth]]
+    counted = [h.probability * share for h, share in zip(hypotheses[:worth], shares, strict=True)]
+    counted += [h.probability for h in hypotheses[worth:]]
+    found = [replace(h, probability=p / sum(counted)) for h, p in zip(hypotheses, counted, strict=True)]
+    return sorted(found, key=lambda h: -h.probability)
 
 
 def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypothesis]:

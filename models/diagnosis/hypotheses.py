@@ -284,7 +284,7 @@ def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[WeighedB
     held = at.held(step)
     gained = 0.5 * np.sum(pull * ahead, axis=2)
     here = bare - 0.5 * (np.sum((at.distance / prior) ** 2, axis=2) + np.linalg.slogdet(scaled)[1])
-    here = here + np.sum(_inside((at.lower, at.upper), at.value + step, sigma), axis=2) - first[:, None]
+    here = here + np.sum(log_inside((at.lower, at.upper), at.value + step, sigma), axis=2) - first[:, None]
     promised, step = here + gained, np.where(held, 0.0, step)
     evidence = here + np.where(np.any(held, axis=2), gained, np.minimum(gained, _GAINED))
     return [
@@ -306,7 +306,9 @@ def _law_let_in(inner: Array, log_det: Array, vectors: int) -> tuple[Array, Arra
     return inner[..., :vectors, :vectors] - onto @ np.swapaxes(onto, -1, -2), log_det
 
 
-def _inside(bounds: tuple[Array | float, Array | float], mean: Array | float, sigma: Array | float) -> Array:
+def log_inside(
+    bounds: tuple[Array | float, Array | float], mean: Array | float, sigma: Array | float
+) -> Array:
     """Log of the share of N(mean, sigma^2) inside the bounds, to rounding where the nearer bound cuts."""
     below, above = (mean - bounds[0]) / sigma, (bounds[1] - mean) / sigma
     near, far = log_ndtr(np.minimum(below, above)), log_ndtr(-np.maximum(below, above))
@@ -316,4 +318,4 @@ def _inside(bounds: tuple[Array | float, Array | float], mean: Array | float, si
 @cache
 def _inside_at_first(head: EffectParameter) -> float:
     """The same of the prior."""
-    return float(_inside((head.lower, head.upper), head.off, head.prior))
+    return float(log_inside((head.lower, head.upper), head.off, head.prior))

@@ -132,7 +132,7 @@ def rivals_of(
     ranked = sorted(((p, e) for e, p in total.items()), reverse=True)
     stated = {next(e for _, e in ranked if name in e) for name in tied}
     others = [e for p, e in ranked if p >= _LEAST and e not in stated]
-    taking_part = stated | set(others[: _MOST_RIVALS - len(stated)])
+    taking_part = stated | set(others[: max(_MOST_RIVALS - len(stated), 0)])
     chosen = [(p, e) for p, e in ranked if e in taking_part]
     return [
         Rival(

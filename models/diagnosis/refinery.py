@@ -31,6 +31,7 @@ _LITTLE = 0.3  # in log evidence
 _GAINED = 0.1  # in log evidence: what a step of the spreads alone has to bring
 _REACH = 0.7  # prior scales that one step may go
 _WITHIN = 3.0  # sigmas that a spread may take
+_LEAST = 0.3  # of what a difference of parts does without the effect
 _ASIDE = 0.1  # of the prior scale: from a fitted value to the one that tells its slope
 _FAR_ENOUGH = 0.2  # standard deviations between two states that tell a slope
 
@@ -126,8 +127,19 @@ class Refinery:
             inner = np.eye(own.size) - between[np.ix_(own, own)]
             onto = onto + between[:, own] @ np.linalg.lstsq(inner, onto[own], rcond=1e-9)[0]
         onto[own] = 0.0
-        parts = self.known.modes.parts(onto[: len(self.known.modes)])
+        parts = self.known.modes.parts(onto[: len(self.known.modes)] / self.larger(fit))
         return np.clip(parts, -_WITHIN, _WITHIN)
+
+    def larger(self, fit: Fit) -> Array:
+        """How many times as far each axis of the parts moves readings beside the fit's effects, (K,).
+
+        An effect that makes more of several parts makes more of how they differ.
+        """
+        factor = np.ones(len(self.known.modes))
+        for t in fit.terms:
+            apart = self.known.modes.differences(t.effect)
+            factor[apart] = max(t.signature.entry.spread_at(t.value, 1.0), _LEAST)
+        return factor
 
     def model(self, fit: Fit, spreads: Array) -> Model:
         """The baseline with these spreads and the fit's effects."""
@@ -148,7 +160,7 @@ class Refinery:
         starts = [self._start(fit, state) for fit, state in zip(fits, states, strict=True)]
         solved, seen = self.observations.solved(models, self.near, starts), []
         for fit, state, start, (here, there) in zip(fits, states, starts, solved, strict=True):
-            shift = here - self.known.moved(state) - self.known.baseline
+            shift = here - self.known.moved(state, self.larger(fit)) - self.known.baseline
             bend = 0.0 if start is None else fit.bend + np.nan_to_num(there - start)
             shift = np.where(np.isfinite(shift), shift, fit.shift)
             seen.append(replace(fit, shift=shift, bend=bend, spreads=state))

@@ -118,9 +118,12 @@ class Signatures:
         """Which directions are the everyday spread of the very parameters that effects change together, (k,)."""
         return _own_spreads(names, self.spread_names)
 
-    def moved(self, parts: Array) -> Array:
-        """What the readings (M,) move by on straight lines, with parts (K,) off by so many sigmas."""
-        return np.asarray(self.modes.along(parts) @ self.spreads[: parts.size])
+    def moved(self, parts: Array, larger: Array | float = 1.0) -> Array:
+        """What the readings (M,) move by on straight lines, with parts (K,) off by so many sigmas.
+
+        Each axis does so ``larger`` (K,) times as far.
+        """
+        return np.asarray((larger * self.modes.along(parts)) @ self.spreads[: parts.size])
 
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""

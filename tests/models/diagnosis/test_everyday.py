@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from models.diagnosis.everyday import everyday_together, nearest_everyday
-from models.diagnosis.hypotheses import EVERYDAY, Term
+from models.diagnosis.everyday import everyday_together, log_everyday, nearest_everyday
+from models.diagnosis.hypotheses import EVERYDAY, Fit, Term
 from models.diagnosis.signatures import Signature
 from models.diagnosis.whitener import Whitener
 from sim.effects.catalogue import effect
+from tests.models.diagnosis.fabricated import refinery
 
 QUIET = Whitener.of(1e-4 * np.eye(3))
 SAME, ANOTHER = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -68,3 +69,12 @@ def test_the_nearest_everyday_state_is_found(correlation: float) -> None:
 
 def test_one_value_gives_the_line() -> None:
     assert nearest_everyday(np.array([EVERYDAY + 3.0]), np.array([[4.0]])) == pytest.approx(1.5, rel=1e-12)
+
+
+@pytest.mark.parametrize(("sigmas", "share"), [(1.0, 1.0), (4.1, 0.5), (8.0, 0.0)])
+def test_what_needs_a_part_beyond_the_line_does_not_count(sigmas: float, share: float) -> None:
+    wave = 2.0 * np.sin(np.arange(24))
+    bench = refinery(sigmas * wave, [], np.full(24, 0.1), wave[None])
+    nothing = Fit.nothing(24)
+    # known to a seventieth of a sigma, which the prior draws back by a fifteenth of that
+    assert np.exp(log_everyday(bench, nothing)) == pytest.approx(share, abs=0.05)
