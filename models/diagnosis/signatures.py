@@ -119,10 +119,7 @@ class Signatures:
         return _own_spreads(names, self.spread_names)
 
     def moved(self, parts: Array, larger: Array | float = 1.0) -> Array:
-        """What the readings (M,) move by on straight lines, with parts (K,) off by so many sigmas.
-
-        Each axis does so ``larger`` (K,) times as far.
-        """
+        """What readings (M,) move by on straight lines, parts (K,) off by so many sigmas, axes ``larger`` (K,) times."""
         return np.asarray((larger * self.modes.along(parts)) @ self.spreads[: parts.size])
 
     def finite(self) -> NDArray[np.bool_]:
