@@ -119,7 +119,7 @@ class Signatures:
         return _own_spreads(names, self.spread_names)
 
     def moved(self, parts: Array, larger: Array | float = 1.0) -> Array:
-        """What readings (M,) move by on straight lines, parts (K,) off by so many sigmas, axes ``larger`` (K,) times."""
+        """How readings (M,) move on straight lines, parts (K,) off by so many sigmas, axes ``larger`` (K,) times."""
         return np.asarray((larger * self.modes.along(parts)) @ self.spreads[: parts.size])
 
     def finite(self) -> NDArray[np.bool_]:
