@@ -15,6 +15,7 @@ from drivers.mocks.lab.hidden import HIDDEN
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule
 from experiments.blind import reach as reach_module
+from experiments.blind import tied as tied_module
 from experiments.blind import trial as blind_trial
 from experiments.blind.answer import NO_ANSWER, Answer, Cause
 from experiments.blind.draws import (
@@ -31,7 +32,7 @@ from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored
 from experiments.blind.seeds import ROWS, SCORING, TUNING
 from experiments.blind.surrogates import campaign
-from experiments.blind.tied import Bench, right_about_channels, separated, settled, understood
+from experiments.blind.tied import Bench, ask_tied, right_about_channels, separated, settled, understood
 from experiments.blind.trial import HEAVY, NOISES, UNDERSTATED, BlindTrial, ask, measured
 from experiments.blind_trials import NAMES
 from experiments.harness.lab_data import measured_table, random_set_points
@@ -331,6 +332,20 @@ def test_a_channel_is_right_where_it_separates_and_none_where_none_does() -> Non
     assert not right_about_channels({"channels": ["D0"], "needed": []})
     assert not right_about_channels({"channels": [], "needed": ["D0"]})
     assert right_about_channels({"channels": [], "needed": []})
+
+
+def test_the_channel_that_is_asked_for_is_what_the_last_answer_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two answers, the first with a row to measure and a channel: who has measured it asks for none any more."""
+    trial = BlindTrial(
+        row="tied", seed=150_000, hidden=(("auxiliary_power", 4.0),), points=4, rival="dead_time"
+    )
+    first = [{"action": "standby"}, {"action": "measure D0 too"}]
+    said = iter([{"verdict": "group", "causes": [], "groups": [], "unknown": {"probability": 0.0}, "next": steps}
+                 for steps in (first, [])])  # fmt: skip
+    monkeypatch.setattr(Bench, "diagnosed", lambda self: next(said))
+    monkeypatch.setattr(tied_module, "_possible", lambda trial: (6.0, ["D0"]))
+    record = ask_tied(trial)
+    assert (record["rows"], record["channels"]) == (1, [])
 
 
 def grouped(**probabilities: float) -> Answer:

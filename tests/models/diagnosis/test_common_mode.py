@@ -8,6 +8,7 @@ import pytest
 from models.dataset import load_measurements
 from models.diagnosis.common_mode import CommonModes
 from models.diagnosis.diagnose import diagnose
+from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.observations import observe
 from models.diagnosis.signatures import Signatures, signatures
 from sim.effects.catalogue import effect
@@ -15,6 +16,7 @@ from sim.model import Model
 from sim.parameters import leaves
 from sim.prototype import prototype
 from sim.spread import everyday_spread, shifted_together
+from tests.models.diagnosis.fabricated import refinery
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
 SPREADS = everyday_spread(prototype())
@@ -122,9 +124,10 @@ def test_what_an_effect_makes_more_of_differs_by_more(known: Signatures) -> None
             ),
         ]
     )
-    larger = np.ones(len(SPREADS))
-    larger[differences] = 6.0
-    moved = known.moved(parts, larger)
+    (signature,) = (s for s in known.effects if s.effect == "reverse_recovery")
+    term = Term(signature=signature, value=5.0, sigma=0.1, slope=signature.slope)
+    bench = replace(refinery(known.baseline, [], np.ones(known.baseline.size)), known=known)
+    moved = known.moved(parts, bench.larger(Fit(terms=(term,), shift=np.zeros(known.baseline.size))))
     # on straight lines, but for what more heat does to charges: a tenth
     np.testing.assert_allclose(moved, uneven - even, atol=0.15 * np.max(np.abs(moved)))
 
@@ -137,7 +140,7 @@ def test_a_large_effect_on_parts_that_differ_is_found_where_it_is() -> None:
         load_measurements(frame.assign(P1_W=frame["P1_W"] * noise, efficiency=frame["efficiency"] / noise))
     )
     assert found.verdict.stated == ("reverse_recovery",)
-    assert found.verdict.unknown_probability < 0.05
+    assert found.verdict.unknown_probability < 0.05  # what is worth a word beside a name
     refinery, (cause, *_) = found.refinery, found.verdict.causes
     (again,) = refinery.simulated([cause.fit])
     # where it was said to be, the simulator says the same, to less than what tells two explanations apart

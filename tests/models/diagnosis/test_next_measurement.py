@@ -80,6 +80,15 @@ def test_no_channel_is_asked_for_that_would_not_tell_either() -> None:
     assert next_measurements(observe(efficiency_alone(), prototype()), nearly_alike) == []
 
 
+@pytest.mark.parametrize(("times", "asked"), [(1, False), (10, True)])
+def test_a_channel_is_judged_by_as_many_rows_as_were_measured(times: int, asked: bool) -> None:
+    """Ten rows of any channel tell 10 % of a resistance by less than a sigma, 240 by more."""
+    alike = [rival("link_resistance", 0.02), rival("link_resistance", 0.022)]
+    measured = pd.concat([efficiency_alone()] * times, ignore_index=True)
+    steps = next_measurements(observe(measured, prototype()), alike)
+    assert any("P_link1_W too" in step.action for step in steps) == asked
+
+
 def test_every_cause_that_is_stated_as_tied_takes_part() -> None:
     refinery = diagnose(load_measurements(simulated_campaign(Model.baseline(), seed=1, count=20))).refinery
     shift = np.zeros(refinery.residual.size)
