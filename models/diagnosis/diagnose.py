@@ -15,7 +15,7 @@ from models.calibration import calibrate
 from models.dataset import Measurements
 from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
-from models.diagnosis.evidence import Hypothesis, posterior
+from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.extension import extended, interval
 from models.diagnosis.gain import Gain, Readings, Worth
 from models.diagnosis.gap import Added, gap
@@ -33,6 +33,7 @@ from models.diagnosis.noise import ChannelNoise, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.plausibility import RejectedColumn
 from models.diagnosis.refinery import Refinery
+from models.diagnosis.search import search
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
 from models.diagnosis.unexplained import Unexplained, unexplained
@@ -269,9 +270,11 @@ def _diagnosed(
     observations, known = usable.observations, usable.known
     noise = estimate_noise(observations, observations.value - known.baseline)
     setting = set_up(observations, baseline, known, noise)
-    refinery = setting.refinery
     progress("weighing the causes")
-    hypotheses = posterior(refinery)
+    fits = search(setting.refinery)
+    refinery = with_laws_as_read(setting.refinery, fits)
+    setting = replace(setting, refinery=refinery)
+    hypotheses = posterior(refinery, fits)
     nameless = unexplained(hypotheses, refinery)
     alike = confirmed(setting, hypotheses[0])
     verdict = judge(

@@ -8,9 +8,11 @@ may have is
 .. math:: \min_y\ (y - w)^T C^{-1} (y - w) \quad \text{where} \quad |y| \le 4.1 .
 
 One value alone gives the line. A part further off than that is a cause by another name: what of a hypothesis needs
-parts beyond the line does not count for it.
+parts beyond the line does not count for it. And a cause within the line is a part by another name: only what is beyond
+counts as a cause, and what is within as the hypothesis without it, where the value has a part's spread for its prior.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +28,8 @@ Array = NDArray[np.float64]
 # of 25 normal spreads some two, or some three, are further off in one bench of a thousand, as some one is of its line
 _FURTHEST = {1: EVERYDAY, 2: 5.0, 3: 5.7}
 _LEAST_OPEN = 1e-6  # of a spread's variance, against rounding
+_LEAST_BEYOND = 0.05  # of a prior: whose line lies further out is of parts, hardly of a cause
+_LEAST_TOLD = 1e-9  # of the prior's precision, by the readings, against rounding
 _HALVINGS = 60  # of a bracket: to a double's own accuracy
 
 
@@ -53,6 +57,44 @@ def log_everyday(refinery: Refinery, fit: Fit, leftover: Leftover | None = None)
     told = np.sum(spreads * solved[:-1], axis=1)
     sigma = np.sqrt(np.clip(1.0 - told, _LEAST_OPEN, 1.0))
     return float(np.sum(log_inside((-line, line), spreads @ solved[-1], sigma)))
+
+
+def share_beyond(term: Term) -> float:
+    """How much of a value is beyond the everyday line, over how much of its prior is, if that is worth a word."""
+    of_prior = _beyond(term, term.head.off, term.head.prior)
+    return _beyond(term, term.value, term.sigma) / max(of_prior, _LEAST_BEYOND)
+
+
+def _beyond(term: Term, mean: float, sigma: float) -> float:
+    """Share of N(mean, sigma^2), inside the bounds, that is beyond the everyday line."""
+    head, (*_, usual) = term.head, term.acting
+    within = log_inside(head.inside(EVERYDAY * usual), mean, sigma)
+    return -math.expm1(min(float(within - log_inside((head.lower, head.upper), mean, sigma)), 0.0))
+
+
+def log_as_part(term: Term) -> float:
+    r"""Log of the evidence of a value that is a part's spread, within the line, over that as a cause's.
+
+    With l what the readings alone know it to and m where they have it, :math:`N(m; 0, l^2 + \tau^2)` is the density of
+    the readings under a prior of scale tau, but for what all priors share. A spread is normal in what acts. A value
+    surely beyond the line is no part: no part was simulated there.
+    """
+    if term.beyond_everyday:
+        return -math.inf
+    acting, sigma, usual = term.acting
+    slope, prior2 = sigma / term.sigma, term.head.prior**2
+    alone2 = 1.0 / max(term.sigma**-2 - 1.0 / prior2, _LEAST_TOLD / prior2)
+    back = term.distance * alone2 / prior2  # how far the prior has drawn the value to off
+    as_part = _log_normal(acting + slope * back, slope**2 * alone2 + usual**2) + math.log(slope)
+    as_cause = _log_normal(term.distance + back, alone2 + prior2)
+    share = usual**2 / (slope**2 * alone2 + usual**2)
+    line, at = EVERYDAY * usual, share * (acting + slope * back)
+    within = log_inside((-line, line), at, slope * math.sqrt(share * alone2))
+    return as_part - as_cause + float(within)
+
+
+def _log_normal(x: float, variance: float) -> float:
+    return -0.5 * (x * x / variance + math.log(variance))
 
 
 def nearest_everyday(values: Array, covariance: Array) -> float:

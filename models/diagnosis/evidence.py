@@ -7,17 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.everyday import log_everyday
-from models.diagnosis.hypotheses import Fit, WeighedBeside, log_prior, weigh
+from models.diagnosis.everyday import log_as_part, log_everyday, share_beyond
+from models.diagnosis.hypotheses import Fit, WeighedBeside, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.search import search
 
 Array = NDArray[np.float64]
 
 P_LEFTOVER = 0.2
 _WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
+_WORTH_A_LOOK = 1e-6  # the same for whether its causes are parts by another name
+_NARROWER = 0.3  # of what causes' own laws are feared to be wrong by, where readings show that they are as good as that
+_LEADING = 6  # hypotheses that tell
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,18 +31,64 @@ class Hypothesis:
     probability: float
 
 
-def posterior(refinery: Refinery) -> list[Hypothesis]:
-    """Every hypothesis with its probability, the most probable first.
+def with_laws_as_read(refinery: Refinery, fits: Sequence[Fit]) -> Refinery:
+    """The refinery with causes' own laws doubted less, where the readings are likelier so.
 
-    Where one needs parts further off than any ordinary bench has them, only what it is without them counts.
+    That is asked of all explanations that lead together. Where it takes a leftover, or a cause more, laws are not as
+    good as that.
     """
-    hypotheses = weighed_with_leftovers(refinery, search(refinery))
+    order = sorted(fits, key=refinery.log_probability, reverse=True)
+    narrower = replace(refinery, laws=replace(refinery.laws, share=_NARROWER))
+    feared, tried = (weighed_with_leftovers(r, order[:_LEADING]) for r in (refinery, narrower))
+    better = log_total(tried, narrower) > log_total(feared, refinery)
+    as_simple = tried[0].leftover is None and len(tried[0].fit.terms) <= len(feared[0].fit.terms)
+    return narrower if better and as_simple else refinery
+
+
+def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
+    """What a search has found, each with its probability, the most probable first.
+
+    Where one needs parts further off than any ordinary bench has them, only what it is without them counts; and where
+    one has causes that are no further off than parts are, only what it is beyond that.
+    """
+    hypotheses = weighed_with_leftovers(refinery, fits)
     worth = sum(h.probability > _WORTH_IT for h in hypotheses)  # they come first
     shares = [math.exp(log_everyday(refinery, h.fit, h.leftover)) for h in hypotheses[:worth]]
     counted = [h.probability * share for h, share in zip(hypotheses[:worth], shares, strict=True)]
     counted += [h.probability for h in hypotheses[worth:]]
-    found = [replace(h, probability=p / sum(counted)) for h, p in zip(hypotheses, counted, strict=True)]
+    counted = _beyond_everyday(refinery, hypotheses, counted)
+    if not (total := sum(counted)):  # as good as nothing explains the readings within the line
+        return hypotheses
+    found = [replace(h, probability=p / total) for h, p in zip(hypotheses, counted, strict=True)]
     return sorted(found, key=lambda h: -h.probability)
+
+
+def _beyond_everyday(
+    refinery: Refinery, hypotheses: Sequence[Hypothesis], probability: Sequence[float]
+) -> list[float]:
+    """What of every hypothesis counts where its causes are further off than parts are.
+
+    What is not further off is a hypothesis of fewer causes, simulated where that part is. It counts as that one if
+    that is more than it has by itself: then its spreads did not find the way there.
+    """
+    found, places = list(probability), dict[tuple[object, ...], int]()
+    for k, h in enumerate(hypotheses):
+        places.setdefault(_name(h.fit.effects, h.leftover), k)
+    for k in sorted(range(len(found)), key=lambda k: -len(hypotheses[k].fit.terms)):
+        fit, whole = hypotheses[k].fit, found[k]
+        for term in fit.terms if whole > _WORTH_A_LOOK else ():
+            found[k] *= share_beyond(term)
+            others = [effect for effect in fit.effects if effect != term.effect]
+            fewer = places.get(_name(others, hypotheses[k].leftover))
+            if fewer is not None:
+                prior = refinery.log_prior(hypotheses[fewer].fit) - refinery.log_prior(fit)
+                one_of = math.log(len(term.signature.entry.variants()))
+                found[fewer] = max(found[fewer], whole * math.exp(prior - one_of + log_as_part(term)))
+    return found
+
+
+def _name(effects: Sequence[str], leftover: Leftover | None) -> tuple[object, ...]:
+    return tuple(effects), None if leftover is None else leftover.key
 
 
 def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypothesis]:
@@ -48,7 +96,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
 
     Of each fit, what has no probability worth a word is left out, but for itself alone and beside its best leftover.
     """
-    geometry, catalogue = refinery.geometry, len({s.effect for s in refinery.known.effects})
+    geometry = refinery.geometry
     configurations = geometry.leftovers.configurations
     fits, leftovers = list(fits), [None, *configurations]
     shares = [_log_share(leftover, geometry.leftovers.shared_by) for leftover in leftovers]
@@ -58,7 +106,7 @@ def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypo
         refinery, fits, weigh(fits, refinery.seen(fits), geometry, own, leftovers), leftovers
     )
     for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
-        log[k] = log_prior(fit, catalogue)
+        log[k] = refinery.log_prior(fit)
         log[k] += shares
         log[k, 0] += beside.log_evidence[0]
         log[k, 1:] += beside.promised[1:]
@@ -100,9 +148,9 @@ def _of_their_own(
 
 def log_total(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> float:
     """Log evidence of all hypotheses of one geometry together, priors included; the most probable comes first."""
-    best, catalogue = hypotheses[0], len({s.effect for s in refinery.known.effects})
+    best = hypotheses[0]
     share = _log_share(best.leftover, refinery.geometry.leftovers.shared_by)
-    return best.fit.log_evidence + log_prior(best.fit, catalogue) + share - math.log(best.probability)
+    return refinery.log_probability(best.fit) + share - math.log(best.probability)
 
 
 def _log_share(leftover: Leftover | None, shared_by: int) -> float:

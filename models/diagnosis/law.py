@@ -108,10 +108,14 @@ def _largest(sizes: Array, observations: Observations) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laws:
-    """The error's columns of every signature at a distance of one from off; their products are found once asked for."""
+    """The error's columns of every signature at a distance of one from off; their products are found once asked for.
+
+    They are doubted by a ``share`` of that. Where a threshold lies is as open as ever.
+    """
 
     columns: Mapping[Key, Array] = field(default_factory=dict)
     geometry: Geometry | None = None
+    share: float = 1.0
     _found: dict[Key, Directions] = field(default_factory=dict)
 
     @classmethod
@@ -131,7 +135,7 @@ class Laws:
             return None
         if key not in self._found:
             self.find([signature])
-        return self._found[key].scaled(abs(distance))
+        return self._found[key].scaled(abs(distance) * (1.0 if signature.entry.threshold else self.share))
 
     def find(self, signatures: Iterable[Signature]) -> None:
         """Products of these signatures' columns, of all that are not known yet at once."""

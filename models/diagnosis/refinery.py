@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.geometry import Directions, Geometry, Projection
-from models.diagnosis.hypotheses import Fit, Term, Weighed, weigh
+from models.diagnosis.hypotheses import Fit, Term, Weighed, log_prior, weigh
 from models.diagnosis.law import Laws
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.lines import Lines, key_of
@@ -56,6 +56,14 @@ class Refinery:
     def residual(self) -> Array:
         """Readings less the baseline's prediction, (M,)."""
         return self.observations.value - self.known.baseline
+
+    def log_prior(self, fit: Fit) -> float:
+        """Log prior of a fit among the effects that take part."""
+        return log_prior(fit, len({s.effect for s in self.known.effects}))
+
+    def log_probability(self, fit: Fit) -> float:
+        """Log evidence and log prior of a fit, against the constant that all fits share."""
+        return fit.log_evidence + self.log_prior(fit)
 
     def law(self, fit: Fit) -> list[Directions]:
         """The directions in which a fit's laws may be wrong."""

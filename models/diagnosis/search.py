@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import Fit, Term, evidence_of, log_prior, weigh
+from models.diagnosis.hypotheses import Fit, Term, evidence_of, weigh
 from models.diagnosis.refinery import Refinery, hopeless
 from models.diagnosis.signatures import Signature, step_of
 
@@ -73,15 +73,13 @@ def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
 
 def _to_sharpen(refinery: Refinery, sharp: Sequence[Fit], rest: Sequence[Fit]) -> list[Fit]:
     """Of the rest those in reach of the best, as many as may be sharpened still, the most probable first."""
-    catalogue = len({s.effect for s in refinery.known.effects})
-    probability = {id(f): f.log_evidence + log_prior(f, catalogue) for f in [*rest, *sharp]}
-    first = max([*rest, *sharp], key=lambda f: probability[id(f)])
+    first = max([*rest, *sharp], key=refinery.log_probability)
 
     def in_reach(fit: Fit) -> bool:
         reach = _LARGER_IN_REACH if len(fit.terms) > len(first.terms) else _IN_REACH
-        return probability[id(fit)] > probability[id(first)] - reach
+        return refinery.log_probability(fit) > refinery.log_probability(first) - reach
 
-    order = sorted((f for f in rest if f.terms), key=lambda f: -probability[id(f)])
+    order = sorted((f for f in rest if f.terms), key=refinery.log_probability, reverse=True)
     return [f for f in order if in_reach(f)][: _SHARPENED - len(sharp)]
 
 
@@ -229,20 +227,15 @@ def _larger(refinery: Refinery, fits: list[Fit], straight: list[Term], size: int
 
     ``fits`` begin with nothing; the further causes come with ``straight`` slopes from off, or those learned alone.
     """
-    catalogue = len({s.effect for s in refinery.known.effects})
-
-    def log_probability(fit: Fit) -> float:
-        return fit.log_evidence + log_prior(fit, catalogue)
-
     nothing, learned = fits[0], [f.terms[0] for f in fits if len(f.terms) == 1]
     base, terms = [f for f in fits if len(f.terms) == size - 1], [*learned, *straight]
-    leading = max(map(log_probability, fits))
+    leading = max(map(refinery.log_probability, fits))
     pairs = combinations([_term(t.signature) for t in learned], 2)
     candidates = _on_tangents(refinery, nothing, pairs) if size == 2 else []
     for fit in _sorted(base)[:_TO_EXTEND]:
         candidates += _on_tangents(refinery, fit, [(t,) for t in terms])
     candidates = [replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates]
-    candidates = [f for f in candidates if log_probability(f) > leading - _LARGER_IN_REACH]
+    candidates = [f for f in candidates if refinery.log_probability(f) > leading - _LARGER_IN_REACH]
     chosen = _best(candidates)[:most]
     if not chosen:
         return []

@@ -33,6 +33,7 @@ _ROUGH = 0.02  # of what the best explanation moves a reading by: no law is good
 # The second, and noise that settles anew, are for efficiency alone: beside other channels both change hardly anything.
 _NARROWER = ((0.3, 3.0), (0.1, 0.0))
 _OTHERS_NARROWER = ((0.3, 3.0), (0.09, 3.0))  # of all other channels together
+_SMOOTHER = ((0.3, 0.0),)  # of what no law is good to from one reading to the next, with efficiency alone
 _SEED = 0  # of the probes
 
 
@@ -101,10 +102,21 @@ def _everyday(known: Signatures, geometry: Geometry) -> list[float]:
 def _narrowed(bench: "_Bench", best: "_Settled") -> tuple["_Bench", "_Settled"]:
     """The same with a simulation that is doubted less, as far as the readings are likelier so."""
     o = bench.observations
+
+    def of_input(bench: _Bench, share: float) -> _Bench:
+        return bench.knowing(bench.known.doubted(o, share))
+
+    def of_others(bench: _Bench, share: float) -> _Bench:
+        return bench.knowing(bench.known.doubted(o, bench.known.doubt, share))
+
+    def from_reading_to_reading(bench: _Bench, share: float) -> _Bench:
+        return replace(bench, rough=share * _ROUGH)
+
     if o.efficiency_alone:
-        return bench.narrowed(best, lambda known, share: known.doubted(o, share), _NARROWER, _LOOKS)
-    bench, best = bench.narrowed(best, lambda known, share: known.doubted(o, share), _NARROWER[:1])
-    return bench.narrowed(best, lambda known, share: known.doubted(o, known.doubt, share), _OTHERS_NARROWER)
+        bench, best = bench.narrowed(best, of_input, _NARROWER, _LOOKS)
+        return bench.narrowed(best, from_reading_to_reading, _SMOOTHER, _LOOKS)
+    bench, best = bench.narrowed(best, of_input, _NARROWER[:1])
+    return bench.narrowed(best, of_others, _OTHERS_NARROWER)
 
 
 def _steadier(observations: Observations, noise: list[ChannelNoise], sigma: Array) -> Array | None:
@@ -142,11 +154,16 @@ class _Bench:
     noise: list[ChannelNoise]
     rivals: Leftovers
     noiseless: Covariance
+    rough: float = _ROUGH
+
+    def knowing(self, known: Signatures) -> "_Bench":
+        """The same with signatures that are doubted otherwise."""
+        return replace(self, known=known, noiseless=noiseless_covariance(self.observations, known))
 
     def narrowed(
         self,
         best: _Settled,
-        doubted: Callable[[Signatures, float], Signatures],
+        doubted: "Callable[[_Bench, float], _Bench]",
         steps: Sequence[tuple[float, float]],
         looks: int = 1,
     ) -> "tuple[_Bench, _Settled]":
@@ -156,8 +173,7 @@ class _Bench:
         """
         bench = self
         for share, worth in steps:
-            known = doubted(bench.known, share)
-            narrower = replace(bench, known=known, noiseless=noiseless_covariance(self.observations, known))
+            narrower = doubted(bench, share)
             tried = narrower.settled(best.first, best, looks)
             if not tried.whole or tried.log_evidence <= best.log_evidence + worth:
                 break
@@ -189,7 +205,7 @@ class _Bench:
             if look.whole:  # what was negligible then does not come back with a little more noise
                 bench = replace(bench, rivals=bench.rivals.among(look.leftovers))
             before, sigma = sigma, corrected(self.observations, self.noise, first, look.left * sigma / first)
-            changed, doubt = np.hypot(before, doubt), _ROUGH * np.abs(look.explained)
+            changed, doubt = np.hypot(before, doubt), self.rough * np.abs(look.explained)
             if np.all(np.abs(np.log(np.hypot(sigma, doubt) / changed)) < _SETTLED):
                 break
         return _Settled(

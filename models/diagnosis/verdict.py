@@ -236,6 +236,8 @@ def judge(
         beyond = 0.0 if faint or (groups and not below and leftover < _FAINT_BESIDE) else beside
     # beside a name, what is shorter than a leftover is a part of that
     listed = [c for c in causes if not groups or c not in below]
+    said = {name for group in groups for name in group}
+    listed = [c for c in listed if c.effect in said or not _rather_ordinary(c, hypotheses)]
     return Verdict(
         kind=kind,
         causes=tuple(_with_ties(c, tied) for c in listed if c.probability >= _WORTH_A_WORD),
@@ -272,14 +274,19 @@ def _groups(
     rest = [c for c in large if c.probability < SURE]
     groups = [_tie_group(c, rest, hypotheses, whitener) for c in sure]
     taken = {name for group in groups for name in group}
-    rest = [c for c in rest if c.effect not in taken and not _rather_ordinary(c, hypotheses)]
+    rest = [c for c in rest if c.effect not in taken and not _is_surely_ordinary(c, hypotheses)]
     together = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and excluded else ()
     return [*groups, together] if together else groups
 
 
 def _rather_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:
-    """Whether what is surely there is rather as large as on any bench: no cause."""
-    return cause.probability < _LIKELY and _any_of(hypotheses, (cause.effect,)) >= SURE
+    """Whether what may be there is rather as large as on any bench: no cause."""
+    return cause.probability < _LIKELY * _any_of(hypotheses, (cause.effect,))
+
+
+def _is_surely_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:
+    """Whether what is surely there is rather as large as on any bench."""
+    return _rather_ordinary(cause, hypotheses) and _any_of(hypotheses, (cause.effect,)) >= SURE
 
 
 def _with_ties(cause: Cause, groups: Sequence[tuple[str, ...]]) -> Cause:

@@ -73,6 +73,21 @@ class EffectParameter:
             return value - self.off, 1.0
         return self.off * (1.0 - self.off / value), (self.off / value) ** 2
 
+    def inside(self, acting: float) -> tuple[float, float]:
+        """The values, within the bounds, that act no further from off than that.
+
+        >>> head = EffectParameter(
+        ...     name="L_H", unit="H", lower=6e-3, upper=1.0, tolerance=1e-3, prior=6e-3, off=0.01, reciprocal=True
+        ... )
+        >>> head.inside(0.005)
+        (0.006666666666666667, 0.02)
+        """
+        low, high = self.off - acting, self.off + acting
+        if self.reciprocal:
+            low = self.off / (1.0 + acting / self.off)
+            high = self.off / (1.0 - acting / self.off) if acting < self.off else np.inf
+        return max(low, self.lower), min(high, self.upper)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from models.diagnosis.everyday import everyday_together, log_everyday, nearest_everyday
+from models.diagnosis.everyday import (
+    everyday_together,
+    log_as_part,
+    log_everyday,
+    nearest_everyday,
+    share_beyond,
+)
 from models.diagnosis.hypotheses import EVERYDAY, Fit, Term
 from models.diagnosis.signatures import Signature
 from models.diagnosis.whitener import Whitener
@@ -78,3 +84,71 @@ def test_what_needs_a_part_beyond_the_line_does_not_count(sigmas: float, share: 
     nothing = Fit.nothing(24)
     # known to a seventieth of a sigma, which the prior draws back by a fifteenth of that
     assert np.exp(log_everyday(bench, nothing)) == pytest.approx(share, abs=0.05)
+
+
+def density(x: float | np.ndarray, sigma: float) -> float | np.ndarray:
+    return np.exp(-0.5 * (x / sigma) ** 2) / sigma
+
+
+VALUES = [
+    ("leakage_inductance", -0.0386, 0.003),  # just inside a line of 0.041, as its slope may go either way
+    ("leakage_inductance", -0.0450, 0.003),
+    ("leakage_inductance", -0.0480, 0.003),
+    ("link_resistance", 0.0100, 0.004),  # which is never below zero
+    ("magnetizing_inductance", 0.0140, 0.003),
+    ("magnetizing_inductance", 0.0197, 0.005),  # acts by its reciprocal
+    ("magnetizing_inductance", 0.0072, 0.0004),
+]
+BEYOND = [-0.0480, 0.0072]
+
+
+@pytest.mark.parametrize(("name", "value", "sigma"), VALUES)
+def test_what_of_a_value_is_beyond_the_line_is_the_integral(name: str, value: float, sigma: float) -> None:
+    head = effect(name).headline
+    grid = np.linspace(head.lower, head.upper, 2_000_001)
+    acting = head.off * (1 - head.off / grid) if head.reciprocal else grid - head.off
+    far = np.abs(acting) > EVERYDAY * head.tolerance
+
+    def share(mean: float, scale: float) -> float:
+        mass = density(grid - mean, scale)
+        return float(np.sum(mass[far]) / np.sum(mass))
+
+    signature = Signature(entry=effect(name), slope=SAME)
+    term = Term(signature=signature, value=value, sigma=sigma, slope=SAME)
+    # the grid's step of some 1e-7 of the bounds, over the least width
+    assert share_beyond(term) == pytest.approx(share(value, sigma) / share(head.off, head.prior), rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "value", "sigma"), [v for v in VALUES if v[1] not in BEYOND])
+def test_the_evidence_of_a_value_as_a_part_is_the_integral(name: str, value: float, sigma: float) -> None:
+    head = effect(name).headline
+    if head.reciprocal:
+        sigma *= 0.1  # so that what acts is straight over the value's uncertainty
+    signature = Signature(entry=effect(name), slope=SAME)
+    term = Term(signature=signature, value=value, sigma=sigma, slope=SAME)
+    # what the readings alone say: the value, drawn to off by its prior, has been taken back
+    alone = (sigma**-2 - head.prior**-2) ** -0.5
+    told = head.off + (value - head.off) * (1 + (alone / head.prior) ** 2)
+    grid = np.linspace(told - 40 * alone, told + 40 * alone, 2_000_001)
+    acting = head.off * (1 - head.off / grid) if head.reciprocal else grid - head.off
+    slope = (head.off / grid) ** 2 if head.reciprocal else 1.0
+    seen = density(grid - told, alone)
+    as_part = seen * density(acting, head.tolerance) * slope * (np.abs(acting) < EVERYDAY * head.tolerance)
+    as_cause = seen * density(grid - head.off, head.prior)
+    expected = np.sum(as_part) / np.sum(as_cause)
+    # how far what acts is from straight over half a millihenry, five sigmas out in its tail
+    tolerance = 0.5 if head.reciprocal else 1e-3
+    assert np.exp(log_as_part(term)) == pytest.approx(expected, rel=tolerance)
+
+
+@pytest.mark.parametrize(("name", "value", "sigma"), [v for v in VALUES if v[1] in BEYOND])
+def test_a_value_surely_beyond_the_line_is_no_part(name: str, value: float, sigma: float) -> None:
+    signature = Signature(entry=effect(name), slope=SAME)
+    assert log_as_part(Term(signature=signature, value=value, sigma=sigma, slope=SAME)) == -np.inf
+
+
+def test_what_parts_are_off_by_as_far_as_a_prior_reaches_is_hardly_ever_a_cause() -> None:
+    head = effect("leakage_inductance").headline
+    wide = Signature(entry=effect("leakage_inductance"), slope=SAME, everyday=head.prior)
+    far = Term(signature=wide, value=0.99 * head.upper, sigma=1e-3, slope=SAME)
+    assert share_beyond(far) == 0.0

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from models.diagnosis.evidence import posterior, weighed_with_leftovers
+from models.diagnosis.everyday import log_as_part, share_beyond
+from models.diagnosis.evidence import Hypothesis, posterior, weighed_with_leftovers
 from models.diagnosis.hypotheses import Fit, log_prior
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import _crossed, _other_variants, _sharpened, search
@@ -60,8 +61,12 @@ def above_nothing(bench: Refinery) -> float:
     return singles[0].log_evidence - nothing.log_evidence
 
 
+def weighed(bench: Refinery) -> list[Hypothesis]:
+    return posterior(bench, search(bench))
+
+
 def stated(bench: Refinery) -> tuple[str, ...]:
-    return posterior(bench)[0].fit.effects
+    return weighed(bench)[0].fit.effects
 
 
 def test_the_closed_form_is_the_integral_over_the_prior() -> None:
@@ -76,7 +81,7 @@ def test_the_closed_form_is_the_integral_over_the_prior() -> None:
 
 def test_the_fitted_value_and_its_sigma_are_those_of_ridge_regression() -> None:
     residual = 0.05 * GROWING + noise(2)
-    term = posterior(refinery(residual, [LINK], SIGMA))[0].fit.term("link_resistance")
+    term = weighed(refinery(residual, [LINK], SIGMA))[0].fit.term("link_resistance")
     precision = np.sum((GROWING / SIGMA) ** 2) + LINK.entry.headline.prior**-2
     assert term.sigma == pytest.approx(precision**-0.5, rel=1e-9)
     assert term.value == pytest.approx(
@@ -85,7 +90,7 @@ def test_the_fitted_value_and_its_sigma_are_those_of_ridge_regression() -> None:
 
 
 def test_probabilities_add_up_to_one_and_the_cause_leads() -> None:
-    hypotheses = posterior(refinery(0.05 * GROWING + noise(3), [AUXILIARY, LINK], SIGMA))
+    hypotheses = weighed(refinery(0.05 * GROWING + noise(3), [AUXILIARY, LINK], SIGMA))
     assert sum(h.probability for h in hypotheses) == pytest.approx(1.0, abs=1e-12)
     assert hypotheses[0].fit.effects == ("link_resistance",)
     assert hypotheses[0].probability > 0.7  # a leftover has a prior of 0.2, and none is needed here
@@ -97,7 +102,7 @@ def test_noise_alone_names_nothing() -> None:
 
 def test_two_causes_at_once_are_found_together() -> None:
     both = 0.05 * GROWING + 2.0 + noise(7)
-    best = posterior(refinery(both, [AUXILIARY, LINK, SLANTED], SIGMA))[0]
+    best = weighed(refinery(both, [AUXILIARY, LINK, SLANTED], SIGMA))[0]
     assert best.fit.effects == ("auxiliary_power", "link_resistance")
     assert best.fit.term("auxiliary_power").value == pytest.approx(2.0, abs=4 * best.fit.terms[0].sigma)
 
@@ -123,12 +128,12 @@ def test_a_cause_whose_line_led_far_astray_is_followed_back() -> None:
 
 def test_three_causes_at_once_are_found_together() -> None:
     three = 0.05 * GROWING + 2.0 + 0.01 * SLANTED.slope + noise(8)
-    best = posterior(refinery(three, [AUXILIARY, LINK, SLANTED], SIGMA))[0]
+    best = weighed(refinery(three, [AUXILIARY, LINK, SLANTED], SIGMA))[0]
     assert set(best.fit.effects) == {"auxiliary_power", "link_resistance", "analyzer_gain"}
 
 
 def test_one_cause_is_not_called_two() -> None:
-    hypotheses = posterior(refinery(0.05 * GROWING + noise(9), [AUXILIARY, LINK, SLANTED], SIGMA))
+    hypotheses = weighed(refinery(0.05 * GROWING + noise(9), [AUXILIARY, LINK, SLANTED], SIGMA))
     assert sum(h.probability for h in hypotheses if len(h.fit.terms) > 1) < 0.1
 
 
@@ -150,9 +155,60 @@ def test_an_everyday_spread_is_not_called_a_cause() -> None:
     assert stated(refinery(residual, [LINK], SIGMA, spread)) == ()
 
 
+def test_a_cause_no_further_off_than_parts_are_is_a_part() -> None:
+    usual = LINK.entry.headline.tolerance
+    bench = refinery(2.0 * usual * GROWING + noise(5), [LINK], SIGMA, usual * GROWING[None])
+    within, whole = (
+        {h.fit.effects: h.probability for h in found if h.leftover is None}
+        for found in (weighed(bench), weighed_with_leftovers(bench, search(bench)))
+    )
+    assert whole[("link_resistance",)] > 0.05
+    assert (
+        within[("link_resistance",)] < 0.05 * whole[("link_resistance",)]
+    )  # two sigmas of noise from the line
+
+
+def test_nothing_counts_as_likely_as_the_part_that_its_spreads_did_not_find() -> None:
+    """Three sigmas of a part that nothing knows no way to, and the same beyond the line."""
+    usual = LINK.entry.headline.tolerance
+    within, beyond = (refinery(k * usual * GROWING + noise(5), [LINK], SIGMA) for k in (3.0, 8.0))
+    alone = weighed_with_leftovers(within, search(within))
+    assert alone[0].fit.effects == ("link_resistance",)
+    best = weighed(within)[0]
+    assert (best.fit.effects, best.leftover) == ((), None)
+    assert stated(beyond) == ("link_resistance",)
+
+
+@pytest.mark.parametrize(("name", "other"), [("link_resistance", {}), ("fan_step", {"threshold_C": 40.0})])
+def test_a_part_counts_as_nothing_with_nothings_prior(name: str, other: dict[str, float]) -> None:
+    """Of a threshold's variants each has its share of the part's spread, as of the cause's prior."""
+    usual = effect(name).headline.tolerance
+    signature = Signature(entry=effect(name), other=other, slope=0.2 / usual * GROWING / GROWING.max())
+    bench = refinery(3.0 * usual * signature.slope + noise(5), [signature], SIGMA)
+    whole = weighed_with_leftovers(bench, search(bench))
+    cause = next(h for h in whole if h.fit.terms and h.leftover is None)
+    (term,) = cause.fit.terms
+    after = {h.fit.effects: h.probability for h in reversed(weighed(bench)) if h.leftover is None}
+    variants = len(effect(name).variants())
+    prior = 0.5 / (0.5 * 0.75 / variants)  # of nothing, over that of the only cause there is
+    as_part = prior / variants * np.exp(log_as_part(term))
+    assert after[()] / after[(name,)] == pytest.approx(as_part / share_beyond(term), rel=1e-9)  # rounding
+
+
+def test_what_needs_parts_beyond_the_line_hardly_counts() -> None:
+    """A spread of ten sigmas, and an effect of another shape that nothing calls for."""
+    bench = refinery(10.0 * FLAT + noise(5), [LINK], SIGMA, FLAT[None])
+    before, after = (
+        next(h.probability for h in found if h.fit.effects == () and h.leftover is None)
+        for found in (weighed_with_leftovers(bench, search(bench)), weighed(bench))
+    )
+    assert before > 0.5
+    assert after < 1e-3
+
+
 def test_a_leftover_takes_what_no_effect_explains() -> None:
     strange = 3.0 * np.sign(np.sin(7.0 * np.arange(READINGS)))
-    hypotheses = posterior(refinery(strange + noise(6), [AUXILIARY, LINK], SIGMA))
+    hypotheses = weighed(refinery(strange + noise(6), [AUXILIARY, LINK], SIGMA))
     assert sum(h.probability for h in hypotheses if h.leftover is not None) > 0.99
 
 

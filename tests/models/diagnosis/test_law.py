@@ -5,18 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.evidence import posterior
+from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.extension import interval
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.law import Laws, law_columns, law_maps
 from models.diagnosis.leftover import Leftovers
 from models.diagnosis.refinery import Refinery
+from models.diagnosis.search import search
 from models.diagnosis.signatures import Signature
 from models.diagnosis.thresholds import State
 from models.diagnosis.whitener import Whitener
 from sim.effects.catalogue import effect
-from tests.models.diagnosis.fabricated import loads, refinery
+from tests.models.diagnosis.fabricated import joint_fit, loads, refinery
 
 READINGS = 60
 SIGMA = np.full(READINGS, 0.1)
@@ -36,12 +37,14 @@ def bench(value: np.ndarray, law: float) -> Refinery:
 
 
 def named(value: np.ndarray, law: float) -> Fit:
-    return next(h.fit for h in posterior(bench(value, law)) if h.leftover is None)
+    there = bench(value, law)
+    return next(h.fit for h in posterior(there, search(there)) if h.leftover is None)
 
 
 def test_a_law_wrong_in_shape_by_five_per_cent_brings_no_second_cause() -> None:
-    assert len(named(WRONG, 0.0).effects) > 1  # taken for exact, it does
-    assert named(WRONG, 0.05).effects == ("link_resistance",)
+    large = 4.0 * WRONG  # so that what brings a second one is more than parts are off by
+    assert len(named(large, 0.0).effects) > 1  # taken for exact, it does
+    assert named(large, 0.05).effects == ("link_resistance",)
 
 
 def test_a_second_cause_that_is_there_is_still_found() -> None:
@@ -90,6 +93,58 @@ def test_what_is_left_is_pulled_under_the_same_covariance() -> None:
     law = 0.05 * fit.terms[0].distance * MAPS * GROWING
     expected = np.linalg.solve(np.diag(SIGMA**2) + law.T @ law, WRONG - fit.shift)
     np.testing.assert_allclose(there.solved(fit), expected, rtol=1e-8, atol=1e-8)
+
+
+def as_read(value: np.ndarray, law: float) -> Refinery:
+    there = bench(value, law)
+    return with_laws_as_read(there, search(there))
+
+
+def test_a_law_that_readings_agree_with_is_doubted_less() -> None:
+    feared, found = bench(WRONG, 0.05).laws, as_read(WRONG - 0.1 * GROWING * BENT, 0.05).laws
+    assert (feared.share, found.share) == (1.0, 0.3)
+    whole, less = (laws.directions(LINK, 0.1) for laws in (feared, found))
+    assert whole is not None
+    assert less is not None
+    assert less.factor == pytest.approx(0.3 * whole.factor, rel=1e-12)  # rounding
+
+
+def test_a_law_that_is_as_wrong_as_feared_is_doubted_as_ever() -> None:
+    assert as_read(WRONG, 0.05).laws.share == 1.0
+
+
+def test_where_something_is_left_over_no_law_is_doubted_less() -> None:
+    strange = 3.0 * np.sign(np.sin(7.0 * np.arange(READINGS)))  # which only a leftover explains
+    there = bench(0.1 * GROWING + strange, 0.05)
+    found = posterior(there, search(there))
+    assert sum(h.probability for h in found if h.leftover is not None) > 0.99
+    assert with_laws_as_read(there, search(there)) is there
+
+
+@pytest.mark.parametrize(("then", "share"), [(1, 0.3), (2, 1.0)])
+def test_where_it_takes_a_cause_more_no_law_is_doubted_less(
+    then: int, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    there = bench(WRONG, 0.05)
+    slopes = {"link_resistance": GROWING, "auxiliary_power": np.ones(READINGS)}
+
+    def made_up(r: Refinery, fits: list[Fit]) -> list[Hypothesis]:
+        """Ten in log evidence better with laws doubted less, by so many causes then."""
+        less = r.laws.share < 1.0
+        fit = joint_fit(dict(list(slopes.items())[: then if less else 1]), 0.1 * GROWING)
+        evidence = 10.0 if less else 0.0
+        return [Hypothesis(fit=replace(fit, log_evidence=evidence), leftover=None, probability=1.0)]
+
+    monkeypatch.setattr("models.diagnosis.evidence.weighed_with_leftovers", made_up)
+    assert with_laws_as_read(there, []).laws.share == share
+
+
+def test_where_a_threshold_lies_is_doubted_as_ever() -> None:
+    step = Signature(entry=effect("fan_step"), other={"threshold_C": 40.0}, slope=np.ones(READINGS))
+    laws = replace(Laws.of([(step, np.ones((1, READINGS)))], bench(WRONG, 0.0).geometry), share=0.3)
+    directions = laws.directions(step, 2.0)
+    assert directions is not None
+    assert directions.factor == 2.0
 
 
 def test_maps_of_a_law_are_smooth_and_have_no_level() -> None:

@@ -99,6 +99,22 @@ def test_other_channels_that_are_wrong_by_what_they_may_be_stay_doubted(
     np.testing.assert_array_equal(after.inaccuracy[:2, others[kept]], there.inaccuracy[:2][:, kept & others])
 
 
+@pytest.mark.parametrize(("channels", "share"), [("observations", 0.006), ("several", 0.02)])
+def test_with_efficiency_alone_what_readings_follow_is_doubted_less_from_one_to_the_next(
+    channels: str, share: float, request: pytest.FixtureRequest
+) -> None:
+    there = request.getfixturevalue(channels)
+    known = signatures(there, Model.baseline())
+    (link,) = (s for s in known.effects if s.effect == "link_resistance")
+    cause_W = np.where(there.of("efficiency"), np.nan_to_num(0.1 * link.slope), 0.0)
+    found = setting(there, known, np.nan_to_num(0.1 * link.slope))
+    added2 = found.refinery.noise**2 - found.sigma**2 - found.refinery.known.input_sigma**2
+    explained_W = cause_W[known.finite()]
+    large = explained_W > 0.5 * np.max(explained_W)
+    # spreads beside it explain some of it too; the two shares are a factor of three apart
+    np.testing.assert_allclose(np.sqrt(added2[large]), share * explained_W[large], rtol=0.3)
+
+
 def test_half_of_what_a_law_is_off_by_over_the_whole_map_stays(
     observations: Observations, known: Signatures
 ) -> None:

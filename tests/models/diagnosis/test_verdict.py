@@ -312,6 +312,7 @@ def test_beside_a_sure_cause_what_is_rather_ordinary_is_not_stated(beyond: float
     verdict = judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER)
     assert (verdict.kind, len(verdict.stated)) == ("named", stated)
     assert verdict.stated[0] == "link_resistance"
+    assert len(verdict.causes) == stated  # nor is it listed as hardly probable
 
 
 def test_what_is_rather_ordinary_is_not_stated_alone_either() -> None:
@@ -328,3 +329,14 @@ def test_what_is_rather_ordinary_is_not_stated_alone_either() -> None:
     verdict = judge(hypotheses, WHITENER, leftover=8.0)
     assert (verdict.kind, verdict.stated) == ("unknown", ())
     assert [cause.effect for cause in verdict.causes] == ["thermal_resistance"]
+
+
+def test_what_is_tied_is_listed_though_most_of_it_is_ordinary() -> None:
+    """Either cable, or the first with the second as large as on any bench."""
+    first, second = (joint_fit({f"cable_resistance_{port}": ALONG}, ALONG) for port in ("input", "output"))
+    usual = replace(second.terms[0], value=second.terms[0].head.tolerance)
+    both = replace(first, terms=(*first.terms, usual))
+    cases = ((first, 0.55), (both, 0.35), (second, 0.1))
+    verdict = judge([Hypothesis(fit=fit, leftover=None, probability=p) for fit, p in cases], WHITENER)
+    assert verdict.groups == (("cable_resistance_input", "cable_resistance_output"),)
+    assert [round(cause.probability, 9) for cause in verdict.causes] == [0.9, 0.1]
