@@ -12,7 +12,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import Fit, Term, evidence_of, weigh
+from models.diagnosis.hypotheses import EVERYDAY, Fit, Term, evidence_of, weigh
 from models.diagnosis.refinery import Refinery, hopeless
 from models.diagnosis.signatures import Signature, step_of
 
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 _FOLLOWED, _PAIRS, _TRIPLES = 8, 8, 4  # hypotheses of each size that are followed to the end
 _SCREENED = 12  # combinations on tangents that are looked at closer
 _SHARPENED = 6  # that get slopes simulated at their values
+_NAMED = 3  # parts of a hypothesis that are tried as causes
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a hypothesis that is worth slopes of its own
 _LARGER_IN_REACH = 3.0  # the same with one cause more, and on its tangents: worth a simulation
@@ -237,14 +238,36 @@ def _larger(refinery: Refinery, fits: list[Fit], straight: list[Term], size: int
     candidates = [replace(f, terms=tuple(sorted(f.terms, key=lambda t: t.effect))) for f in candidates]
     candidates = [f for f in candidates if refinery.log_probability(f) > leading - _LARGER_IN_REACH]
     chosen = _best(candidates)[:most]
+    chosen += _other_variants(chosen, candidates)
+    for fit in _sorted(base)[:_TO_EXTEND]:
+        if fit.terms and refinery.log_probability(fit) > leading - _IN_REACH:
+            chosen += _with_parts_named(refinery, fit)
     if not chosen:
         return []
-    chosen += _other_variants(chosen, candidates)
     leader = max(f.log_evidence for f in fits)
     simulated = refinery.simulated(chosen)
     if crossed := _crossed(chosen, simulated, refinery.known.effects):
         simulated += refinery.simulated(crossed)
     return _best(refinery.followed(simulated, leader))
+
+
+def _with_parts_named(refinery: Refinery, fit: Fit) -> list[Fit]:
+    """A fit with one cause more, at the value of a part that it needs further off than any ordinary bench has it.
+
+    Tangents need not promise anything: without that cause it is no hypothesis. The parts that are furthest off count.
+    """
+    spreads, found = refinery.known.spreads, list[tuple[float, Fit]]()
+    off = spreads @ refinery.solved(fit)
+    for signature in refinery.known.effects:
+        own = refinery.known.own_spreads(signature.effect)
+        if own.size != 1 or signature.effect in fit.effects or abs(off[own[0]]) < EVERYDAY:
+            continue
+        term, along = _term(signature), signature.slope
+        step = float(off[own[0]] * (spreads[own[0]] @ along) / (along @ along))
+        terms = tuple(sorted((*fit.terms, term), key=lambda t: t.effect))
+        moved = replace(fit, terms=terms).moved(np.array([step if t is term else 0.0 for t in terms]))
+        found.append((abs(float(off[own[0]])), moved))
+    return [moved for _, moved in sorted(found, key=lambda each: -each[0])[:_NAMED]]
 
 
 def _shorter(refinery: Refinery, fits: Sequence[Fit], known: Iterable[Fit]) -> list[Fit]:

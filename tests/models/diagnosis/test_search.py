@@ -1,5 +1,7 @@
 """What a search tries again on a linear bench."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,24 @@ def test_the_search_goes_on_from_what_a_faint_cause_led_to(monkeypatch: pytest.M
     monkeypatch.setattr(searched, "_sharpened", lambda _, fits: fits)  # each as it came
     alone = next(f for f in search(bench) if f.effects == ("link_resistance",))
     assert alone.terms[0].value == pytest.approx(0.05, abs=4 * bench.weighed(alone).sigma[0])
+
+
+@pytest.mark.parametrize(("sigmas", "named"), [(10.0, True), (2.0, False)])
+def test_a_part_beyond_the_line_is_tried_as_a_cause_whatever_tangents_promise(
+    sigmas: float, named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    auxiliary = effect("auxiliary_power")
+    usual = auxiliary.headline.tolerance
+    readings = (
+        0.05 * GROWING + sigmas * usual + 0.1 * SIGMA * np.random.default_rng(11).standard_normal(READINGS)
+    )
+    slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}
+    effects = [Signature(entry=effect(n), slope=s) for n, s in slopes.items()]
+    plain = refinery(readings, effects, 0.1 * SIGMA, usual * FLAT[None])
+    bench = replace(plain, known=replace(plain.known, spread_names=("auxiliary_power",)))
+    monkeypatch.setattr(searched, "_on_tangents", lambda *_: [])
+    pairs = [fit for fit in search(bench) if len(fit.terms) == 2]
+    assert [fit.effects for fit in pairs] == [("auxiliary_power", "link_resistance")] * named
+    for fit in pairs:
+        # a tenth of a sigma of the part at the worst
+        assert fit.term("auxiliary_power").value == pytest.approx(sigmas * usual, abs=0.5 * usual)
