@@ -77,11 +77,12 @@ def log_as_part(term: Term) -> float:
 
     With l what the readings alone know it to and m where they have it, :math:`N(m; 0, l^2 + \tau^2)` is the density of
     the readings under a prior of scale tau, but for what all priors share. A spread is normal in what acts. A value
-    surely beyond the line is no part: no part was simulated there.
+    surely beyond the line is no part: no part was simulated there. How uncertain it is makes it one no further out than
+    parts scatter themselves.
     """
-    if term.beyond_everyday:
-        return -math.inf
     acting, sigma, usual = term.acting
+    if abs(acting) > EVERYDAY * usual + SURELY * min(sigma, usual):
+        return -math.inf
     slope, prior2 = sigma / term.sigma, term.head.prior**2
     alone2 = 1.0 / max(term.sigma**-2 - 1.0 / prior2, _LEAST_TOLD / prior2)
     back = term.distance * alone2 / prior2  # how far the prior has drawn the value to off

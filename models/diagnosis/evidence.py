@@ -56,34 +56,38 @@ def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
     shares = [math.exp(log_everyday(refinery, h.fit, h.leftover)) for h in hypotheses[:worth]]
     counted = [h.probability * share for h, share in zip(hypotheses[:worth], shares, strict=True)]
     counted += [h.probability for h in hypotheses[worth:]]
-    counted = _beyond_everyday(refinery, hypotheses, counted)
-    if not (total := sum(counted)):  # as good as nothing explains the readings within the line
+    found = [replace(h, probability=p) for h, p in zip(hypotheses, counted, strict=True)]
+    found = _beyond_everyday(refinery, found)
+    if not (
+        total := sum(h.probability for h in found)
+    ):  # as good as nothing explains the readings within the line
         return hypotheses
-    found = [replace(h, probability=p / total) for h, p in zip(hypotheses, counted, strict=True)]
+    found = [replace(h, probability=h.probability / total) for h in found]
     return sorted(found, key=lambda h: -h.probability)
 
 
-def _beyond_everyday(
-    refinery: Refinery, hypotheses: Sequence[Hypothesis], probability: Sequence[float]
-) -> list[float]:
+def _beyond_everyday(refinery: Refinery, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """What of every hypothesis counts where its causes are further off than parts are.
 
-    What is not further off is a hypothesis of fewer causes, simulated where that part is. It counts as that one if
-    that is more than it has by itself: then its spreads did not find the way there.
+    What is not further off is a hypothesis of fewer causes, simulated where that part is. It counts as that one, with
+    the values that the others have there, if that is more than it has by itself: then its spreads did not find the way.
     """
-    found, places = list(probability), dict[tuple[object, ...], int]()
+    found, places = list(hypotheses), dict[tuple[object, ...], int]()
     for k, h in enumerate(hypotheses):
         places.setdefault(_name(h.fit.effects, h.leftover), k)
-    for k in sorted(range(len(found)), key=lambda k: -len(hypotheses[k].fit.terms)):
-        fit, whole = hypotheses[k].fit, found[k]
+    for k in sorted(range(len(found)), key=lambda k: -len(found[k].fit.terms)):
+        fit, whole, beyond = found[k].fit, found[k].probability, found[k].probability
         for term in fit.terms if whole > _WORTH_A_LOOK else ():
-            found[k] *= share_beyond(term)
-            others = [effect for effect in fit.effects if effect != term.effect]
-            fewer = places.get(_name(others, hypotheses[k].leftover))
+            beyond *= share_beyond(term)
+            others = fit.without(term.effect)
+            fewer = places.get(_name(others.effects, found[k].leftover))
             if fewer is not None:
-                prior = refinery.log_prior(hypotheses[fewer].fit) - refinery.log_prior(fit)
+                prior = refinery.log_prior(others) - refinery.log_prior(fit)
                 one_of = math.log(len(term.signature.entry.variants()))
-                found[fewer] = max(found[fewer], whole * math.exp(prior - one_of + log_as_part(term)))
+                as_part = whole * math.exp(prior - one_of + log_as_part(term))
+                if as_part > found[fewer].probability:
+                    found[fewer] = replace(found[fewer], fit=others, probability=as_part)
+        found[k] = replace(found[k], probability=beyond)
     return found
 
 

@@ -271,18 +271,22 @@ def _with_parts_named(refinery: Refinery, fit: Fit) -> list[Fit]:
 
 
 def _shorter(refinery: Refinery, fits: Sequence[Fit], known: Iterable[Fit]) -> list[Fit]:
-    """Fits without one of their faint causes each, followed to the end: those that gain on what is ``known``."""
+    """Fits without one of their faint causes each, followed to the end: those that gain on what is ``known``.
+
+    What gains may have faint causes of its own, and is tried without these too.
+    """
     starts = [
         fit.without(term.effect)
         for fit, weighed in zip(fits, refinery.weighed_all(fits), strict=True)
         for term, sigma in zip(fit.terms, weighed.sigma, strict=True)
-        if abs(term.distance) < _FAINT * sigma
+        if len(fit.terms) > 1 and abs(term.distance) < _FAINT * sigma
     ]
     if not starts:
         return []
     evidence = {fit.effects: fit.log_evidence for fit in known}
     found = refinery.followed(refinery.simulated(starts), max(evidence.values()))
-    return [f for f in found if f.log_evidence > evidence.get(f.effects, -np.inf) + _BETTER]
+    better = [f for f in found if f.log_evidence > evidence.get(f.effects, -np.inf) + _BETTER]
+    return [*better, *_shorter(refinery, better, _with([*known], better))]
 
 
 def _crossed(aimed: Iterable[Fit], simulated: Iterable[Fit], known: Sequence[Signature]) -> list[Fit]:

@@ -178,14 +178,17 @@ def _tie_group(
 
 
 def _left_open(causes: Sequence[Cause], hypotheses: Sequence[Hypothesis]) -> list[tuple[str, ...]]:
-    """One group of the fewest causes with 95 % together, each possible instead of those before it; or none."""
+    """One group of the fewest causes with 95 % together, each possible instead of those before it; or none.
+
+    One alone is none: it is there, but not surely beyond what parts have.
+    """
     group: list[str] = []
     for cause in causes:
         if _instead(hypotheses, cause, group) >= _POSSIBLE:
             group.append(cause.effect)
         if _any_of(hypotheses, group) >= SURE:
-            return [tuple(group)]
-    return []
+            break
+    return [tuple(group)] if len(group) > 1 and _any_of(hypotheses, group) >= SURE else []
 
 
 def judge(
@@ -276,7 +279,9 @@ def _groups(
     taken = {name for group in groups for name in group}
     rest = [c for c in rest if c.effect not in taken and not _is_surely_ordinary(c, hypotheses)]
     together = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and excluded else ()
-    return [*groups, together] if together else groups
+    return (
+        [*groups, together] if len(together) > 1 else groups
+    )  # one alone is not surely beyond what parts have
 
 
 def _rather_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:

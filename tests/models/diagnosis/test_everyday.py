@@ -99,6 +99,7 @@ VALUES = [
     ("magnetizing_inductance", 0.0197, 0.005),  # acts by its reciprocal
     ("magnetizing_inductance", 0.0072, 0.0004),
 ]
+BROAD = ("leakage_inductance", -0.0600, 0.010), ("leakage_inductance", -0.0600, 0.040)
 BEYOND = [-0.0480, 0.0072]
 
 
@@ -141,7 +142,7 @@ def test_the_evidence_of_a_value_as_a_part_is_the_integral(name: str, value: flo
     assert np.exp(log_as_part(term)) == pytest.approx(expected, rel=tolerance)
 
 
-@pytest.mark.parametrize(("name", "value", "sigma"), [v for v in VALUES if v[1] in BEYOND])
+@pytest.mark.parametrize(("name", "value", "sigma"), [*(v for v in VALUES if v[1] in BEYOND), *BROAD])
 def test_a_value_surely_beyond_the_line_is_no_part(name: str, value: float, sigma: float) -> None:
     signature = Signature(entry=effect(name), slope=SAME)
     assert log_as_part(Term(signature=signature, value=value, sigma=sigma, slope=SAME)) == -np.inf

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from models.diagnosis.everyday import log_as_part, share_beyond
-from models.diagnosis.evidence import Hypothesis, posterior, weighed_with_leftovers
+from models.diagnosis.evidence import Hypothesis, _beyond_everyday, posterior, weighed_with_leftovers
 from models.diagnosis.hypotheses import Fit, log_prior
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import _crossed, _other_variants, _sharpened, search
@@ -193,6 +193,26 @@ def test_a_part_counts_as_nothing_with_nothings_prior(name: str, other: dict[str
     prior = 0.5 / (0.5 * 0.75 / variants)  # of nothing, over that of the only cause there is
     as_part = prior / variants * np.exp(log_as_part(term))
     assert after[()] / after[(name,)] == pytest.approx(as_part / share_beyond(term), rel=1e-9)  # rounding
+
+
+@pytest.mark.parametrize(("probability", "value"), [(1e-3, 2.0), (0.999, 1.0)])
+def test_what_counts_as_likely_as_a_larger_one_has_its_values(probability: float, value: float) -> None:
+    """Where a part was simulated as a cause the other cause has another value than beside spreads."""
+    usual = LINK.entry.headline.tolerance
+    bench = refinery(2.0 * FLAT + noise(5), [AUXILIARY, LINK], SIGMA)
+    slopes = {"auxiliary_power": FLAT, "link_resistance": GROWING}
+    both = joint_fit(slopes, 0.0 * FLAT, value=0.0).moved(np.array([2.0, usual]))
+    both = replace(both, terms=(both.terms[0], replace(both.terms[1], sigma=0.1 * usual)))
+    alone = both.without("link_resistance").moved(np.array([-1.0]))
+    found = _beyond_everyday(
+        bench,
+        [
+            Hypothesis(fit=fit, leftover=None, probability=p)
+            for fit, p in ((both, 1.0 - probability), (alone, probability))
+        ],
+    )
+    assert found[1].fit.terms[0].value == value
+    np.testing.assert_allclose(found[1].fit.shift, value * FLAT, atol=1e-12)  # rounding
 
 
 def test_what_needs_parts_beyond_the_line_hardly_counts() -> None:

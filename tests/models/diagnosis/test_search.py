@@ -41,6 +41,21 @@ def test_a_value_that_was_found_beside_a_faint_cause_is_tried_without_it(power_W
         assert _shorter(bench, [both], found) == []  # known already
 
 
+def test_what_gains_without_a_faint_cause_is_tried_without_the_next() -> None:
+    readings = 0.05 * GROWING + SIGMA * np.random.default_rng(11).standard_normal(READINGS)
+    slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT, "analyzer_gain": (GROWING - 30.0) ** 2}
+    bench = refinery(readings, [Signature(entry=effect(n), slope=s) for n, s in slopes.items()], SIGMA)
+    at_off = joint_fit(slopes, 0.0 * FLAT, value=0.0)
+    pairs = [at_off.without(name) for name in ("auxiliary_power", "analyzer_gain")]
+    alone = pairs[0].without("analyzer_gain")
+    stuck = [*(p.moved(np.array([0.02, 0.0])) for p in pairs), alone.moved(np.array([0.02]))]
+    (whole,) = _weighed(bench, [at_off.moved(np.array([0.05, 0.0, 0.0]))])
+    found = _shorter(bench, [whole], _weighed(bench, stuck))
+    assert {f.effects for f in found} == {f.effects for f in stuck}
+    (single,) = (f for f in found if len(f.terms) == 1)
+    assert single.terms[0].value == pytest.approx(0.05, abs=4 * bench.weighed(single).sigma[0])
+
+
 def test_the_search_goes_on_from_what_a_faint_cause_led_to(monkeypatch: pytest.MonkeyPatch) -> None:
     readings = 0.05 * GROWING + SIGMA * np.random.default_rng(11).standard_normal(READINGS)
     slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}

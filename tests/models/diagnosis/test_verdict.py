@@ -301,8 +301,10 @@ def test_what_is_left_is_said_where_it_carries_more_watts_than_the_name(
     assert telling_of(named, left).unknown_probability == said
 
 
-@pytest.mark.parametrize(("beyond", "stated"), [(0.02, 1), (0.9, 2)])
-def test_beside_a_sure_cause_what_is_rather_ordinary_is_not_stated(beyond: float, stated: int) -> None:
+@pytest.mark.parametrize(("beyond", "stated", "listed"), [(0.02, 1, 1), (0.9, 1, 2), (0.96, 2, 2)])
+def test_beside_a_sure_cause_what_is_not_surely_beyond_the_line_is_not_stated(
+    beyond: float, stated: int, listed: int
+) -> None:
     far = joint_fit({"link_resistance": ALONG, "thermal_resistance": ACROSS}, ALONG + ACROSS)
     usual = replace(far, terms=(far.terms[0], replace(far.terms[1], value=0.05)))
     hypotheses = [
@@ -312,7 +314,23 @@ def test_beside_a_sure_cause_what_is_rather_ordinary_is_not_stated(beyond: float
     verdict = judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER)
     assert (verdict.kind, len(verdict.stated)) == ("named", stated)
     assert verdict.stated[0] == "link_resistance"
-    assert len(verdict.causes) == stated  # nor is it listed as hardly probable
+    assert len(verdict.causes) == listed  # and what is rather ordinary not as hardly probable
+
+
+def test_what_the_data_leave_open_is_open_between_causes() -> None:
+    """One that is there, and beyond the line with less than 95 %, leaves nothing open to another."""
+    both = joint_fit({"thermal_resistance": ACROSS, "link_resistance": ALONG}, ALONG + ACROSS)
+    usual = replace(both, terms=(replace(both.terms[0], value=0.05), both.terms[1]))
+    far = replace(both, terms=both.terms[:1])
+    verdict = judge(
+        [
+            Hypothesis(fit=fit, leftover=None, probability=probability)
+            for fit, probability in ((far, 0.5), (usual, 0.46), (_fit(None, 0 * ALONG), 0.04))
+        ],
+        WHITENER,
+    )
+    assert (verdict.kind, verdict.stated) == ("unknown", ())
+    assert [c.effect for c in verdict.causes] == ["thermal_resistance", "link_resistance"]
 
 
 def test_what_is_rather_ordinary_is_not_stated_alone_either() -> None:
