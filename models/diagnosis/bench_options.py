@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.near_limit import margin
 from models.diagnosis.observations import Channel, Observations
-from models.diagnosis.signatures import margin
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import Result, can_run, reference, simulate_many

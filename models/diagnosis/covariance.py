@@ -2,8 +2,8 @@ r"""What residuals do without any fault: noise, everyday spreads, the simulation
 
 .. math:: C = \operatorname{diag}(\sigma^2) + J \Lambda J^T + A
 
-with J the spreads' directions and A the simulation's inaccuracy (:mod:`models.diagnosis.inaccuracy`), smooth per
-channel over (D1, D2, power).
+with J the directions of spreads, and of what they bend, and A the simulation's inaccuracy
+(:mod:`models.diagnosis.inaccuracy`), smooth per channel over (D1, D2, power).
 """
 
 import numpy as np
@@ -66,4 +66,4 @@ def noiseless_covariance(observations: Observations, known: Signatures) -> Covar
     for readings in of_channels:
         here = place[observations.row[readings]], known.inaccuracy[:, readings]
         own.append(smooth_covariance(here, here))
-    return Covariance(rows=of_channels, own=tuple(own), common=known.spreads)
+    return Covariance(rows=of_channels, own=tuple(own), common=np.concatenate([known.spreads, known.bends]))

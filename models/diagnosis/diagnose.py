@@ -37,7 +37,7 @@ from models.diagnosis.search import search
 from models.diagnosis.setting import Setting, set_up
 from models.diagnosis.sight import Sight, sight
 from models.diagnosis.unexplained import Unexplained, unexplained
-from models.diagnosis.usable import check_table, usable_readings
+from models.diagnosis.usable import Usable, check_table, usable_readings
 from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge, telling_of
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
@@ -267,11 +267,13 @@ def _diagnosed(
     check_table(whole, measurements, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(whole.frame)} points")
     usable = usable_readings(whole, baseline, left_out, measurements.rows)
-    observations, known = usable.observations, usable.known
-    noise = estimate_noise(observations, observations.value - known.baseline)
-    setting = set_up(observations, baseline, known, noise)
     progress("weighing the causes")
-    fits = search(setting.refinery)
+    noise, setting, fits = _searched(usable, baseline)
+    explained = usable.as_explained(setting.refinery, max(fits, key=setting.refinery.log_probability))
+    if explained is not usable:
+        progress("weighing them again without the rows that the first leaves no power to spare")
+        usable, (noise, setting, fits) = explained, _searched(explained, baseline)
+    observations = usable.observations
     refinery = with_laws_as_read(setting.refinery, fits)
     setting = replace(setting, refinery=refinery)
     hypotheses = posterior(refinery, fits)
@@ -314,6 +316,14 @@ def _diagnosed(
         held_out=held_out,
         ahead=ahead,
     )
+
+
+def _searched(usable: Usable, baseline: Model) -> tuple[list[ChannelNoise], Setting, list[Fit]]:
+    """Noise of the readings in use, what they are weighed in, and all that a search has found there."""
+    observations, known = usable.observations, usable.known
+    noise = estimate_noise(observations, observations.value - known.baseline)
+    setting = set_up(observations, baseline, known, noise)
+    return noise, setting, search(setting.refinery)
 
 
 def _at_the_end(

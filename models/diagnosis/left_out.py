@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from models.dataset import Measurements
+from models.diagnosis.near_limit import LEAST_SPARE, margin
 from models.diagnosis.observations import Observations
 from models.diagnosis.setting import Setting
-from models.diagnosis.signatures import margin
 
 _OUTLIER = 6.0  # sigmas: one normal reading in a billion
 
@@ -39,8 +39,9 @@ def edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
             "row": int(row),
             "column": "P2_W",
             "value": float(whole.frame.iloc[row]["P2_W"]),
-            "reason": f"within {100 * margin(whole):.0f} % of the most that D1 and D2 can carry, or above it: readings "
-            "answer there to everything at once, so nothing can be told apart",
+            "reason": f"within {100 * margin(whole):.0f} % of the most that D1 and D2 can carry, or within "
+            f"{100 * LEAST_SPARE:.0f} % as the most probable cause has it, or above it: readings answer there to "
+            "everything at once, so nothing can be told apart",
         }
         for row in lost
     ]

@@ -110,6 +110,18 @@ class Observations:
         used, channel = np.unique(self.channel, return_inverse=True)
         return replace(self, channels=tuple(self.channels[k] for k in used), channel=channel.astype(np.intp))
 
+    def and_also(self, others: Self) -> Self:
+        """These readings and others of the same frame, of all channels of either."""
+        channels = tuple(dict.fromkeys([*self.channels, *others.channels]))
+        place = [np.array([channels.index(c) for c in o.channels], dtype=np.intp) for o in (self, others)]
+        return replace(
+            self,
+            channels=channels,
+            channel=np.concatenate([place[0][self.channel], place[1][others.channel]]),
+            row=np.concatenate([self.row, others.row]),
+            value=np.concatenate([self.value, others.value]),
+        )
+
     def mistrusting(self, columns: Iterable[str]) -> Self:
         """The same without what a threshold would go by of columns that cannot be what they are called."""
         if "T_heatsink_C" not in columns:

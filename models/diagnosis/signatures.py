@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from models.diagnosis.common_mode import CommonModes
 from models.diagnosis.inaccuracy import inaccuracy, of_laws
 from models.diagnosis.lines import Lines, key_of
+from models.diagnosis.near_limit import LINK_INDUCTANCE, curvature
 from models.diagnosis.observations import Observations
 from models.diagnosis.predictions import Key, Predictions, Repeated, ending, read, table_of
 from models.diagnosis.thresholds import State
@@ -19,8 +20,7 @@ from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
-from sim.side_by_side import at_once
-from sim.simulate import Case, Points, Result, can_run, simulate_each
+from sim.simulate import Case, Points, Result, simulate_each
 from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
@@ -34,9 +34,6 @@ _CROSSED = 5  # readings on the far side of a threshold that make it more than a
 _SILENT = 1e-3  # over all readings, in their units: above the solver's tolerance, below every noise
 _APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
-_EDGE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
-_EDGE_ALONE = 0.03  # of the power, where efficiency is alone: an inductance three sigma off still carries it
-_LIMIT = "inductor.inductance_H"  # what moves the most that can be carried
 # Assumption: of a law's doubt over the whole map, where readings agree with it from place to place
 _STAYS = 0.5
 _LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
@@ -73,13 +70,13 @@ class Signatures:
 
     The first directions are the ``modes`` of the converter's parts; then come the effects that have an everyday
     tolerance of their own, by name, and the instruments.
-    ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction, and
-    where efficiency is alone how far a limit one sigma off bends it;
-    ``per_watt`` (M,) its change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation, of
-    the input power such a share as ``doubt`` says, of other channels as ``others_doubt``; what each loss part's law,
-    one of ``laws`` (parts, M), may be off by over the whole map then stands beneath. ``near`` is the baseline's
-    simulation at ``rows`` of the frame, for variants to start from along ``lines``; ``told`` is what variants say
-    there; ``state`` (by row of the frame) is what thresholds are of.
+    ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
+    ``bends`` (q, M) are further directions where efficiency is alone: what a link inductance off bends near the
+    limit, one sigma each; ``per_watt`` (M,) is the change for one watt more at the output. ``inaccuracy`` (3, M) is
+    that of the simulation, of the input power such a share as ``doubt`` says, of other channels as ``others_doubt``;
+    what each loss part's law, one of ``laws`` (parts, M), may be off by over the whole map then stands beneath.
+    ``near`` is the baseline's simulation at ``rows`` of the frame, for variants to start from along ``lines``;
+    ``told`` is what variants say there; ``state`` (by row of the frame) is what thresholds are of.
     """
 
     baseline: Array
@@ -88,6 +85,7 @@ class Signatures:
     spread_names: tuple[str, ...]
     spreads: Array
     input_sigma: Array
+    bends: Array
     per_watt: Array
     inaccuracy: Array
     laws: Array
@@ -125,7 +123,9 @@ class Signatures:
     def finite(self) -> NDArray[np.bool_]:
         """Readings (M,) that every variant can predict: the others lie at the edge of what can be carried."""
         slopes = np.stack([s.slope for s in self.effects])
-        whole = np.concatenate([self.baseline[None], self.input_sigma[None], slopes, self.spreads])
+        whole = np.concatenate(
+            [self.baseline[None], self.input_sigma[None], slopes, self.spreads, self.bends]
+        )
         return np.asarray(np.all(np.isfinite(whole), axis=0))
 
     def take(self, readings: NDArray[np.bool_]) -> "Signatures":
@@ -136,6 +136,7 @@ class Signatures:
             effects=tuple(replace(s, slope=s.slope[readings]) for s in self.effects),
             spreads=self.spreads[:, readings],
             input_sigma=self.input_sigma[readings],
+            bends=self.bends[:, readings],
             per_watt=self.per_watt[readings],
             inaccuracy=self.inaccuracy[:, readings],
             laws=self.laws[:, readings],
@@ -189,7 +190,7 @@ def signatures(
         start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
         values = {entry.headline.name: start + step_of(entry), **other}
         variants[name, *other.items()] = baseline.with_effect(name, **values), at
-    limit = [k for k, s in enumerate(spreads) if s.path == _LIMIT and observations.efficiency_alone]
+    limit = [k for k, s in enumerate(spreads) if s.path == LINK_INDUCTANCE and observations.efficiency_alone]
     for s, sigmas in (*((s, 1.0) for s in spreads), *((spreads[k], -1.0) for k in limit)):
         model = Model(converter=s.shifted(baseline.converter, sigmas), effects=present)
         variants["spread", s.path, sigmas] = model, at
@@ -214,7 +215,6 @@ def signatures(
         Signature(entry=entry, other=other, slope=(after - base) / step_of(entry))
         for (_, entry, other), after in zip(entries, of_effects, strict=True)
     ]
-    bent = 0.5 * np.abs(np.sum(of_spreads[limit] + of_limit - 2 * base, axis=0))
     (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, of_inputs - base)
     effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
     everyday = {
@@ -233,7 +233,8 @@ def signatures(
         modes=modes,
         spread_names=(*modes.names, *everyday),
         spreads=np.concatenate([modes.axes @ (of_spreads - base), np.stack(list(everyday.values()))]),
-        input_sigma=np.hypot(input_sigma, bent),
+        input_sigma=input_sigma,
+        bends=curvature(base, of_spreads[limit], of_limit),
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near, baseline.converter),
         laws=of_laws(observations, near),
@@ -303,32 +304,6 @@ def _imitates(signature: Signature, others: list[Signature]) -> bool:
             if abs(float(slope @ beside)) > _COLLINEAR * length * float(np.linalg.norm(beside)):
                 return True
     return False
-
-
-def margin(observations: Observations) -> float:
-    """How much more than its power, relative, a row's D1 and D2 have to carry for a diagnosis.
-
-    Closer to the most that they can carry, D0 answers to everything at once and not linearly. The input power does so
-    far less: where it is all there is, what it bends by is known of every reading (``input_sigma``).
-    """
-    return _EDGE_ALONE if observations.efficiency_alone else _EDGE
-
-
-def power_to_spare(observations: Observations, baseline: Model) -> NDArray[np.bool_]:
-    """Readings (M,) of rows that the model could run with a :func:`margin` more power, and of rows without any."""
-    p = observations.points
-    spare = can_run(baseline, replace(p, power_W=p.power_W * (1 + margin(observations))))
-    return np.asarray(spare | ~np.asarray(p.pwm, dtype=bool))[observations.row]
-
-
-def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result | None]:
-    """Readings (M,) of rows with power to spare, and a reference of those rows where a process had time for it."""
-    if observations.processes < 2:
-        return power_to_spare(observations, baseline), None
-    asked = partial(power_to_spare, observations, baseline), partial(observations.reference, baseline)
-    spare, near = at_once(*asked)
-    used = np.unique(observations.row)
-    return spare, near.take(np.searchsorted(used, np.unique(observations.row[spare])))
 
 
 def _inputs(p: Points) -> list[Points]:

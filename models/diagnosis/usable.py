@@ -5,16 +5,26 @@ and readings that some variant cannot predict. A table of which too little is le
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from models.dataset import Measurements
 from models.diagnosis.held import held
+from models.diagnosis.hypotheses import Fit
 from models.diagnosis.left_out import most_lost_before
+from models.diagnosis.near_limit import (
+    LEAST_SPARE,
+    LINK_INDUCTANCE,
+    answers_about,
+    first_looks,
+    power_to_spare,
+)
 from models.diagnosis.observations import Observations
 from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
-from models.diagnosis.signatures import Signatures, first_looks, signatures
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.signatures import Signatures, signatures
 from sim.model import Model
 
 LEAST_ROWS = 12
@@ -29,13 +39,51 @@ class TooFewPoints(ValueError):
 class Usable:
     """M readings with their signatures, and what is left out of them.
 
-    ``edge`` are the readings of rows that the baseline carries with too little power to spare.
+    ``edge`` are the readings of rows that the baseline, or the cause that leads, carries with too little power to
+    spare.
     """
 
     observations: Observations
     known: Signatures
     edge: Observations
     rejected_columns: list[RejectedColumn]
+
+    def as_explained(self, refinery: Refinery, fit: Fit) -> Self:
+        """The same as a fit that leads a search has it; itself where that makes no difference.
+
+        Left out are rows that its causes leave too little power to spare. Where efficiency is alone, what a link
+        inductance bends is that about this fit.
+        """
+        if not fit.terms:
+            return self
+        o, model = self.observations, refinery.model(fit, refinery.spreads(fit))
+        spare, known = power_to_spare(o, model, LEAST_SPARE), self.known
+        if (link := _link_inductance(known, fit)) is not None and o.efficiency_alone:
+            parts = np.eye(len(known.modes))[link]
+            slope, bend = answers_about(o, model, known.modes.spreads[link], refinery.near)
+            spare &= np.isfinite(slope + bend)
+            known = replace(known, bends=np.nan_to_num(np.stack([slope - known.moved(parts), bend])))
+        unchanged = known is self.known and np.all(spare)
+        if unchanged or _rows_left(o.take(spare)) < LEAST_ROWS:
+            return self
+        return replace(
+            self,
+            observations=o.take(spare).in_use(),
+            known=known.take(spare),
+            edge=self.edge.and_also(o.take(~spare)),
+        )
+
+
+def _link_inductance(known: Signatures, fit: Fit) -> int | None:
+    """Which part the link inductance is, where it is none that a fit has as a cause."""
+    own = {known.spread_names[k] for k in fit.own(known)}
+    parts = (k for k, s in enumerate(known.modes.spreads) if s.path == LINK_INDUCTANCE and s.path not in own)
+    return next(parts, None)
+
+
+def _rows_left(observations: Observations) -> int:
+    """How many rows that carry power have readings."""
+    return int(np.unique(observations.row[observations.loaded[observations.row]]).size)
 
 
 def check_table(whole: Observations, measurements: Measurements, baseline: Model) -> None:
@@ -84,8 +132,7 @@ def usable_readings(
     known = signatures(observations, baseline, without, near=near)
     kept = known.finite() & ~(wrong | stuck)
     observations, known = observations.take(kept).in_use(), known.take(kept)
-    left = int(np.unique(observations.row[observations.loaded[observations.row]]).size)
-    if left < LEAST_ROWS:
+    if (left := _rows_left(observations)) < LEAST_ROWS:
         raise TooFewPoints(
             f"{left} rows that the model can carry with some power to spare; a diagnosis needs at least "
             f"{LEAST_ROWS}. Is the model file that of this converter?"

@@ -57,6 +57,7 @@ def known(effects: Sequence[Signature], readings: int, spreads: Array | None = N
         spread_names=tuple(f"spread {k}" for k in range(len(directions))),
         spreads=directions,
         input_sigma=np.zeros(readings),
+        bends=np.zeros((0, readings)),
         per_watt=np.zeros(readings),
         inaccuracy=np.zeros((3, readings)),
         laws=np.zeros((0, readings)),

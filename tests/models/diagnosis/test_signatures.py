@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.signatures import Signatures, first_looks, power_to_spare, signatures, step_of
+from models.diagnosis.signatures import Signatures, signatures, step_of
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
@@ -131,43 +131,6 @@ def test_how_well_a_simulated_temperature_is_known_follows_the_room(
     twenty_hours_K = signatures(later, Model.baseline(), among=()).state.sigma["T_heatsink_C"]
     # likewise
     np.testing.assert_allclose(twenty_hours_K**2 - sigma_K**2, (room_K + 2.0) ** 2 - room_K**2, rtol=0.1)
-
-
-@pytest.fixture(scope="module")
-def up_to_the_edge() -> Observations:
-    frame = simulated_campaign(Model.baseline(), seed=1, count=40)
-    return observe(frame[["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]], prototype())
-
-
-def test_where_efficiency_is_alone_readings_nearer_the_edge_take_part(up_to_the_edge: Observations) -> None:
-    everything = observe(simulated_campaign(Model.baseline(), seed=1, count=40), prototype())
-    alone = set(up_to_the_edge.row[power_to_spare(up_to_the_edge, Model.baseline())])
-    assert alone > set(everything.row[power_to_spare(everything, Model.baseline())])
-
-
-def test_a_reading_that_bends_near_the_edge_says_less(up_to_the_edge: Observations) -> None:
-    kept = up_to_the_edge.take(power_to_spare(up_to_the_edge, Model.baseline()))
-    known = signatures(kept, Model.baseline())
-    inductance = known.spread_names.index("inductor.inductance_H")
-    spread = known.modes.spreads[inductance]
-    ((less, _),) = kept.solved([Model(converter=spread.shifted(prototype(), -1.0))])
-    line = known.baseline - known.spreads[inductance]  # through one sigma
-    missed = np.abs(less - line)
-    assert missed.max() > 0.5  # W, some times the noise of a reading
-    # two solutions, each good to 2e-7 of 2 kW
-    np.testing.assert_allclose(known.input_sigma, 0.5 * missed, atol=1e-3)
-
-
-def test_a_reference_of_two_processes_is_that_of_the_rows_with_power_to_spare(
-    up_to_the_edge: Observations,
-) -> None:
-    alone, nothing = first_looks(up_to_the_edge, Model.baseline())
-    assert nothing is None
-    spare, near = first_looks(replace(up_to_the_edge, processes=2), Model.baseline())
-    np.testing.assert_array_equal(spare, alone)
-    expected = up_to_the_edge.take(spare).reference(Model.baseline())
-    assert near is not None
-    np.testing.assert_allclose(near["P1_W"], expected["P1_W"], rtol=1e-9)  # rounding
 
 
 def test_every_bench_warms_up_a_little_on_a_straight_line(known: Signatures) -> None:

@@ -1,0 +1,188 @@
+"""Near the most that D1 and D2 carry: which rows take part, and what is known of how they bend."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.diagnosis.covariance import noiseless_covariance
+from models.diagnosis.geometry import Geometry
+from models.diagnosis.hypotheses import Fit, Term
+from models.diagnosis.left_out import edge_rows
+from models.diagnosis.near_limit import LEAST_SPARE, answers_about, first_looks, margin, power_to_spare
+from models.diagnosis.observations import Observations, observe
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.usable import LEAST_ROWS, Usable, usable_readings
+from models.diagnosis.whitener import Whitener
+from sim.model import Model
+from sim.prototype import prototype
+from sim.simulate import can_run
+from tests.models.diagnosis.fabricated import white_leftovers
+from tests.models.diagnosis.virtual_campaign import simulated_campaign
+
+BASELINE = Model.baseline()
+SOLVED_W = 1e-3  # two solutions, each good to 2e-7 of 2 kW
+ALONE = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
+
+
+@pytest.fixture(scope="module")
+def everything() -> Observations:
+    return observe(simulated_campaign(BASELINE, seed=1, count=40), prototype())
+
+
+@pytest.fixture(scope="module")
+def alone() -> Observations:
+    """The same of efficiency alone."""
+    return observe(simulated_campaign(BASELINE, seed=1, count=40)[ALONE], prototype())
+
+
+def usable_of(whole: Observations) -> Usable:
+    return usable_readings(whole, BASELINE, frozenset(), range(len(whole.frame)))
+
+
+def refinery_of(usable: Usable) -> Refinery:
+    """One that takes readings to scatter by a watt."""
+    known, o = usable.known, usable.observations
+    covariance = noiseless_covariance(o, known).noisier(np.ones(o.value.size))
+    geometry = Geometry.of(Whitener.of(covariance), known.spreads, white_leftovers(o.value.size))
+    return Refinery(known=known, observations=o, baseline=BASELINE, geometry=geometry)
+
+
+def with_cause(usable: Usable, name: str, value: float) -> Fit:
+    """An effect alone at a value, on its line."""
+    signature = next(s for s in usable.known.effects if s.effect == name)
+    term = Term(signature=signature, value=value, sigma=0.01, slope=signature.slope)
+    return replace(
+        Fit.nothing(usable.observations.value.size), terms=(term,), shift=term.distance * term.slope
+    )
+
+
+def test_where_efficiency_is_alone_readings_nearer_the_edge_take_part(
+    alone: Observations, everything: Observations
+) -> None:
+    assert margin(alone) < margin(everything)
+    rows = [set(o.row[power_to_spare(o, BASELINE, margin(o))]) for o in (alone, everything)]
+    assert rows[0] > rows[1]
+
+
+def test_rows_without_power_have_it_to_spare(everything: Observations) -> None:
+    standby = np.flatnonzero(everything.frame["kind"] == "standby")
+    assert np.all(power_to_spare(everything, BASELINE, 10.0) == np.isin(everything.row, standby))
+
+
+def test_what_a_link_inductance_bends_is_known_of_all_readings_together(alone: Observations) -> None:
+    """Whether one is smaller than nominal is one thing that all of them tell: no noise of each."""
+    kept = usable_of(alone)
+    o, known = kept.observations, kept.known
+    inductance = known.spread_names.index("inductor.inductance_H")
+    spread = known.modes.spreads[inductance]
+    ((less, _),) = o.solved([Model(converter=spread.shifted(prototype(), -1.0))])
+    missed = less - (known.baseline - known.spreads[inductance])  # by a line through one sigma
+    assert np.abs(missed).max() > 0.5  # W, some times the noise of a reading
+    np.testing.assert_allclose(known.bends, 0.5 * missed[None], atol=SOLVED_W)
+    common = noiseless_covariance(o, known).common
+    np.testing.assert_array_equal(common, np.concatenate([known.spreads, known.bends]))
+
+
+def test_beside_other_channels_nothing_bends(everything: Observations) -> None:
+    assert usable_of(everything).known.bends.shape[0] == 0
+
+
+def test_a_reference_of_two_processes_is_that_of_the_rows_with_power_to_spare(alone: Observations) -> None:
+    spare_of_one, nothing = first_looks(alone, BASELINE)
+    assert nothing is None
+    spare, near = first_looks(replace(alone, processes=2), BASELINE)
+    np.testing.assert_array_equal(spare, spare_of_one)
+    np.testing.assert_array_equal(spare, power_to_spare(alone, BASELINE, margin(alone)))
+    expected = alone.take(spare).reference(BASELINE)
+    assert near is not None
+    np.testing.assert_allclose(near["P1_W"], expected["P1_W"], rtol=1e-9)  # rounding
+
+
+def test_answers_about_a_cause_are_those_of_its_own_model(alone: Observations) -> None:
+    usable = usable_of(alone)
+    o, known = usable.observations, usable.known
+    spread = known.modes.spreads[known.spread_names.index("inductor.inductance_H")]
+    model = BASELINE.with_effect("link_resistance", resistance_Ohm=0.1)
+    slope, bend = answers_about(o, model, spread, None)
+    seen = [
+        o.predicted(o.reference(Model(converter=spread.shifted(prototype(), k), effects=model.effects)))
+        for k in (-1.0, 0.0, 1.0)
+    ]
+    np.testing.assert_allclose(seen[0], seen[1] - slope + bend, atol=SOLVED_W)
+    np.testing.assert_allclose(seen[2], seen[1] + slope + bend, atol=SOLVED_W)
+
+
+@pytest.mark.parametrize("channels", ["everything", "alone"])
+def test_rows_that_a_cause_leaves_no_power_to_spare_take_no_part(
+    channels: str, request: pytest.FixtureRequest
+) -> None:
+    whole = request.getfixturevalue(channels)
+    usable = usable_of(whole)
+    refinery = refinery_of(usable)
+    fit = with_cause(usable, "leakage_inductance", 0.12)
+    found = usable.as_explained(refinery, fit)
+    assert found is not usable
+    model, p = refinery.model(fit, refinery.spreads(fit)), whole.points
+    spare = replace(p, power_W=p.power_W * (1 + LEAST_SPARE))
+    carried = np.flatnonzero(can_run(model, spare) | ~np.asarray(p.pwm, dtype=bool))
+    expected = np.intersect1d(usable.observations.row, carried)
+    assert expected.size < np.unique(usable.observations.row).size
+    np.testing.assert_array_equal(np.unique(found.observations.row), expected)
+    assert found.known.baseline.size == found.known.spreads.shape[1] == found.observations.value.size
+    # what takes no part near the limit is still of use to a surrogate
+    lost = np.setdiff1d(usable.observations.row, expected)
+    np.testing.assert_array_equal(np.unique(found.edge.row), np.union1d(usable.edge.row, lost))
+    listed = {row["row"] for row in edge_rows(whole, found.observations)}
+    assert set(lost.tolist()) <= listed
+
+
+def test_beside_other_channels_a_cause_that_takes_no_power_changes_nothing(everything: Observations) -> None:
+    usable = usable_of(everything)
+    fit = with_cause(usable, "auxiliary_power", 3.0)
+    assert usable.as_explained(refinery_of(usable), fit) is usable
+
+
+def test_without_a_cause_nothing_changes(alone: Observations) -> None:
+    usable = usable_of(alone)
+    assert usable.as_explained(refinery_of(usable), Fit.nothing(usable.observations.value.size)) is usable
+
+
+def test_where_too_few_rows_would_be_left_all_stay(everything: Observations) -> None:
+    rows = np.flatnonzero(everything.loaded)[-LEAST_ROWS:]
+    usable = usable_of(everything)
+    few = np.isin(usable.observations.row, rows)
+    usable = replace(usable, observations=usable.observations.take(few), known=usable.known.take(few))
+    fit = with_cause(usable, "leakage_inductance", 0.2)
+    assert usable.as_explained(refinery_of(usable), fit) is usable
+
+
+def test_with_efficiency_alone_readings_bend_as_the_cause_has_it(alone: Observations) -> None:
+    usable = usable_of(alone)
+    refinery = refinery_of(usable)
+    fit = with_cause(usable, "skin_effect", 2.0)
+    found = usable.as_explained(refinery, fit)
+    o, known = found.observations, found.known
+    inductance = known.spread_names.index("inductor.inductance_H")
+    model = refinery.model(fit, refinery.spreads(fit))
+    slope, bend = answers_about(o, model, known.modes.spreads[inductance], None)
+    np.testing.assert_allclose(known.bends, [slope - known.spreads[inductance], bend], atol=SOLVED_W)
+    assert np.abs(known.bends[0]).max() > 0.1  # W: the slope is another beside the cause
+
+
+def test_what_a_link_inductance_off_is_a_cause_of_bends_as_at_first(alone: Observations) -> None:
+    usable = usable_of(alone)
+    found = usable.as_explained(refinery_of(usable), with_cause(usable, "leakage_inductance", 0.12))
+    kept = np.isin(usable.observations.row, found.observations.row)
+    np.testing.assert_array_equal(found.known.bends, usable.known.bends[:, kept])
+
+
+def test_readings_of_one_frame_are_put_together_by_their_channels(everything: Observations) -> None:
+    D0 = everything.of("D0")
+    others = everything.take(~D0).in_use()
+    both = others.and_also(everything.take(D0).in_use())
+    names = [c.name for c in everything.channels]
+    channel = np.array([names.index(c.name) for c in both.channels])[both.channel]
+    order = np.lexsort((both.row, channel))
+    np.testing.assert_array_equal(both.value[order], everything.value)
+    np.testing.assert_array_equal(both.row[order], everything.row)
