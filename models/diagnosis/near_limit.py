@@ -34,8 +34,7 @@ def margin(observations: Observations) -> float:
 def power_to_spare(observations: Observations, model: Model, least: float) -> NDArray[np.bool_]:
     """Readings (M,) of rows that a model could run with so much more power, relative, and of rows without any."""
     p = observations.points
-    spare = can_run(model, replace(p, power_W=p.power_W * (1 + least)))
-    return np.asarray(spare | ~np.asarray(p.pwm, dtype=bool))[observations.row]
+    return can_run(model, replace(p, power_W=p.power_W * (1 + least)))[observations.row]
 
 
 def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result | None]:

@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from models.dataset import load_measurements
+from models.diagnosis import usable as usable_rows
 from models.diagnosis.covariance import noiseless_covariance
+from models.diagnosis.diagnose import diagnose
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.left_out import edge_rows
@@ -143,6 +146,33 @@ def test_beside_other_channels_a_cause_that_takes_no_power_changes_nothing(every
     assert usable.as_explained(refinery_of(usable), fit) is usable
 
 
+def test_a_channel_that_loses_all_its_rows_is_none(everything: Observations) -> None:
+    """D0 read only where the cause leaves no power to spare."""
+    usable = usable_of(everything)
+    refinery, fit = refinery_of(usable), with_cause(usable, "leakage_inductance", 0.12)
+    kept = usable.as_explained(refinery, fit).observations.row
+    read = ~usable.observations.of("D0") | ~np.isin(usable.observations.row, kept)
+    few = replace(usable, observations=usable.observations.take(read), known=usable.known.take(read))
+    found = few.as_explained(refinery_of(few), with_cause(few, "leakage_inductance", 0.12))
+    names = [c.name for c in usable.observations.channels]
+    assert [c.name for c in found.observations.channels] == [name for name in names if name != "D0"]
+    assert found.observations.channel.max() == len(found.observations.channels) - 1
+
+
+def test_a_row_that_does_not_run_with_another_inductance_takes_no_part(
+    alone: Observations, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usable = usable_of(alone)
+
+    def answers(o: Observations, *_: object) -> np.ndarray:
+        return np.where(o.row == o.row[5], np.nan, np.ones((2, o.value.size)))
+
+    monkeypatch.setattr(usable_rows, "answers_about", answers)
+    found = usable.as_explained(refinery_of(usable), with_cause(usable, "auxiliary_power", 3.0))
+    assert set(usable.observations.row) - set(found.observations.row) == {usable.observations.row[5]}
+    assert np.all(np.isfinite(found.known.bends))
+
+
 def test_without_a_cause_nothing_changes(alone: Observations) -> None:
     usable = usable_of(alone)
     assert usable.as_explained(refinery_of(usable), Fit.nothing(usable.observations.value.size)) is usable
@@ -186,3 +216,18 @@ def test_readings_of_one_frame_are_put_together_by_their_channels(everything: Ob
     order = np.lexsort((both.row, channel))
     np.testing.assert_array_equal(both.value[order], everything.value)
     np.testing.assert_array_equal(both.row[order], everything.row)
+
+
+def test_a_diagnosis_goes_by_the_rows_that_its_first_cause_carries() -> None:
+    """An inductance 12 % too large: it takes most of the twelve that the baseline had to spare."""
+    model = BASELINE.with_effect("leakage_inductance", relative_error=0.12)
+    frame = simulated_campaign(model, seed=1, count=40)
+    first = set(usable_of(observe(frame, prototype())).observations.row.tolist())
+    measurements = load_measurements(frame)
+    found = diagnose(measurements)
+    rows = set(found.observations.row.tolist())
+    assert rows < first
+    assert found.refinery.observations is found.observations
+    lost = {measurements.rows[k] for k in first - rows}
+    assert lost <= {row["row"] for row in found.rejected if row["column"] == "P2_W"}
+    assert found.verdict.stated == ("leakage_inductance",)
