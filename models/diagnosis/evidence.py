@@ -19,6 +19,7 @@ _WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs o
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _WORTH_A_LOOK = 1e-6  # the same for whether its causes are parts by another name
 _NARROWER = 0.3  # of what causes' own laws are feared to be wrong by, where readings show that they are as good as that
+_VAGUER = 1.5  # times the standard deviation: a value of slopes that are too shallow
 _LEADING = 6  # hypotheses that tell
 
 
@@ -69,8 +70,9 @@ def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
 def _beyond_everyday(refinery: Refinery, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """What of every hypothesis counts where its causes are further off than parts are.
 
-    What is not further off is a hypothesis of fewer causes, simulated where that part is. It counts as that one, with
-    the values that the others have there, if that is more than it has by itself: then its spreads did not find the way.
+    What is not further off is a hypothesis of fewer causes, simulated where that part is. It counts as that one if
+    that is more than it has by itself: then its spreads did not find the way. The others have the values of there
+    unless these are much vaguer, as slopes that were not simulated there make them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
     for k, h in enumerate(hypotheses):
@@ -86,9 +88,15 @@ def _beyond_everyday(refinery: Refinery, hypotheses: Sequence[Hypothesis]) -> li
                 one_of = math.log(len(term.signature.entry.variants()))
                 as_part = whole * math.exp(prior - one_of + log_as_part(term))
                 if as_part > found[fewer].probability:
-                    found[fewer] = replace(found[fewer], fit=others, probability=as_part)
+                    fit_there = found[fewer].fit if _is_vaguer(others, found[fewer].fit) else others
+                    found[fewer] = replace(found[fewer], fit=fit_there, probability=as_part)
         found[k] = replace(found[k], probability=beyond)
     return found
+
+
+def _is_vaguer(fit: Fit, than: Fit) -> bool:
+    """Whether a fit knows a value of the same causes much worse than another."""
+    return any(one.sigma > _VAGUER * other.sigma for one, other in zip(fit.terms, than.terms, strict=True))
 
 
 def _name(effects: Sequence[str], leftover: Leftover | None) -> tuple[object, ...]:

@@ -195,15 +195,24 @@ def test_a_part_counts_as_nothing_with_nothings_prior(name: str, other: dict[str
     assert after[()] / after[(name,)] == pytest.approx(as_part / share_beyond(term), rel=1e-9)  # rounding
 
 
-@pytest.mark.parametrize(("probability", "value"), [(1e-3, 2.0), (0.999, 1.0)])
-def test_what_counts_as_likely_as_a_larger_one_has_its_values(probability: float, value: float) -> None:
-    """Where a part was simulated as a cause the other cause has another value than beside spreads."""
+@pytest.mark.parametrize(
+    ("probability", "vaguer", "value"), [(1e-3, 1.0, 2.0), (0.999, 1.0, 1.0), (1e-3, 2.0, 1.0)]
+)
+def test_what_counts_as_likely_as_a_larger_one_has_its_values(
+    probability: float, vaguer: float, value: float
+) -> None:
+    """Where a part was simulated as a cause the other cause has another value than beside spreads.
+
+    One that is known much worse there is of slopes that were not simulated.
+    """
     usual = LINK.entry.headline.tolerance
     bench = refinery(2.0 * FLAT + noise(5), [AUXILIARY, LINK], SIGMA)
     slopes = {"auxiliary_power": FLAT, "link_resistance": GROWING}
     both = joint_fit(slopes, 0.0 * FLAT, value=0.0).moved(np.array([2.0, usual]))
-    both = replace(both, terms=(both.terms[0], replace(both.terms[1], sigma=0.1 * usual)))
+    auxiliary, link = both.terms
     alone = both.without("link_resistance").moved(np.array([-1.0]))
+    there = replace(auxiliary, sigma=vaguer * auxiliary.sigma), replace(link, sigma=0.1 * usual)
+    both = replace(both, terms=there)
     found = _beyond_everyday(
         bench,
         [
