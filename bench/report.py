@@ -18,6 +18,7 @@ from bench import charts
 from bench.bands import loaded_rows
 from bench.wording import (
     MODEL_NAMES,
+    SHOWN,
     action_text,
     added_power,
     channel_name,
@@ -163,7 +164,8 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     ]
     if (worse := extension_worse(diagnosis)) and not spreads_make_good(diagnosis):
         reasons.append(f"{worse}, so the extended model is not to be used")
-    if not reasons and diagnosis.get("verdict") == "unknown" and not _alike(diagnosis):
+    left = float((diagnosis.get("unknown") or {}).get("probability", 1.0)) >= SHOWN
+    if not reasons and diagnosis.get("verdict") == "unknown" and left and not _alike(diagnosis):
         reasons = ["no known cause explains all of the gap"]
     if not reasons:
         return ""

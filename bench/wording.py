@@ -338,6 +338,9 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> left_over = {"verdict": "unknown", "unknown": {"probability": 0.4}}
     >>> verdict_text(left_over | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
     'Something is wrong: dead time (60.0 %), or what no known cause explains'
+    >>> nothing_left = left_over | {"unknown": {"probability": 0.0}}
+    >>> verdict_text(nothing_left | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
+    'Something is wrong: dead time (60.0 %) is suspected, but may be no further off than parts are'
     """
     verdict = str(diagnosis.get("verdict", "unknown"))
     causes = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.5)]
@@ -360,6 +363,8 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
         are = "is" if len(suspects) == 1 else "are"
         return f"Not sure: {join(suspects)} {are} suspected, or nothing is wrong ({nothing})"
     if verdict == "unknown" and likeliest and (diagnosis.get("unknown") or {}).get("probability", 1.0) < 0.5:
+        if leftover < SHOWN:
+            return f"Something is wrong: {likeliest} is suspected, but may be no further off than parts are"
         return f"Something is wrong: {likeliest}, or what no known cause explains"
     sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
     if verdict == "unknown" and sure:

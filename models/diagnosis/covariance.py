@@ -2,7 +2,7 @@ r"""What residuals do without any fault: noise, everyday spreads, the simulation
 
 .. math:: C = \operatorname{diag}(\sigma^2) + J \Lambda J^T + A
 
-with J the directions of spreads, and of what they bend, and A the simulation's inaccuracy
+with J the directions of spreads, and of what is not straight in them, and A the simulation's inaccuracy
 (:mod:`models.diagnosis.inaccuracy`), smooth per channel over (D1, D2, power).
 """
 

@@ -266,12 +266,12 @@ def _diagnosed(
     whole = observe(measurements.frame, baseline.converter, processes)
     check_table(whole, measurements, baseline)
     progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(whole.frame)} points")
-    usable = usable_readings(whole, baseline, left_out, measurements.rows)
+    first = usable = usable_readings(whole, baseline, left_out, measurements.rows)
     progress("weighing the causes")
     noise, setting, fits = _searched(usable, baseline)
     explained = usable.as_explained(setting.refinery, max(fits, key=setting.refinery.log_probability))
     if explained is not usable:
-        progress("weighing them again without the rows that the first leaves no power to spare")
+        progress("weighing them again near the limit that the first explanation has")
         usable, (noise, setting, fits) = explained, _searched(explained, baseline)
     observations = usable.observations
     refinery = with_laws_as_read(setting.refinery, fits)
@@ -311,7 +311,9 @@ def _diagnosed(
         leading=chosen,
         sigma=setting.sigma,
         edge=usable.edge,
-        rejected=rows_left_out(measurements, [*edge_rows(whole, observations), *outliers(setting)]),
+        rejected=rows_left_out(
+            measurements, [*edge_rows(whole, first.observations, observations), *outliers(setting)]
+        ),
         rejected_columns=usable.rejected_columns,
         held_out=held_out,
         ahead=ahead,

@@ -77,8 +77,8 @@ def log_as_part(term: Term) -> float:
 
     With l what the readings alone know it to and m where they have it, :math:`N(m; 0, l^2 + \tau^2)` is the density of
     the readings under a prior of scale tau, but for what all priors share. A spread is normal in what acts. A value
-    surely beyond the line is no part: no part was simulated there. How uncertain it is makes it one no further out than
-    parts scatter themselves.
+    surely beyond the line is no part: no part was simulated there. What it is uncertain by beyond a part's own spread
+    moves that line no further out.
     """
     acting, sigma, usual = term.acting
     if abs(acting) > EVERYDAY * usual + SURELY * min(sigma, usual):

@@ -59,9 +59,8 @@ def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
     counted += [h.probability for h in hypotheses[worth:]]
     found = [replace(h, probability=p) for h, p in zip(hypotheses, counted, strict=True)]
     found = _beyond_everyday(refinery, found)
-    if not (
-        total := sum(h.probability for h in found)
-    ):  # as good as nothing explains the readings within the line
+    total = sum(h.probability for h in found)
+    if not total:  # as good as nothing explains the readings within the line
         return hypotheses
     found = [replace(h, probability=h.probability / total) for h in found]
     return sorted(found, key=lambda h: -h.probability)
@@ -88,8 +87,9 @@ def _beyond_everyday(refinery: Refinery, hypotheses: Sequence[Hypothesis]) -> li
                 one_of = math.log(len(term.signature.entry.variants()))
                 as_part = whole * math.exp(prior - one_of + log_as_part(term))
                 if as_part > found[fewer].probability:
-                    fit_there = found[fewer].fit if _is_vaguer(others, found[fewer].fit) else others
-                    found[fewer] = replace(found[fewer], fit=fit_there, probability=as_part)
+                    own = found[fewer].fit
+                    there = own if _is_vaguer(others, own) else replace(others, log_evidence=own.log_evidence)
+                    found[fewer] = replace(found[fewer], fit=there, probability=as_part)
         found[k] = replace(found[k], probability=beyond)
     return found
 

@@ -188,7 +188,7 @@ def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit
         whitener = Whitener.of(fitted)
         left = residual - _refitted(cause, residual, whitener, rows)
         error["after"][out] = left[out]
-        # noise is on the diagonal: between blocks, the covariance is that of spreads and smooth inaccuracy
+        # noise is on the diagonal: between blocks, the covariance is that of spreads with their bends and of inaccuracy
         pulled = np.zeros_like(residual)
         pulled[rows] = whitener.solve(left[rows])
         error["calibrated"][out] = left[out] - covariance.times(pulled)[out]

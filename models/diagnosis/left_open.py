@@ -13,6 +13,9 @@ and an explanation whose effects have the slopes T, in units of their priors, le
 explanations apart only as far as it differs by more than this. What an explanation expects there is what its model
 says, whose parts have their most probable spreads, and what the instruments' errors and the simulation's inaccuracy
 were found to be beside it, :math:`(C_* - J_p^T J_{p*})^T C^{-1} r` with :math:`J_p` the spreads of the parts.
+
+Assumption: what a link inductance off bends of efficiency alone is part of C and not of the readings ahead, which keep
+power to spare: there it is less than their noise.
 """
 
 from collections.abc import Sequence

@@ -31,20 +31,29 @@ def rows_left_out(measurements: Measurements, found: Iterable[dict[str, Any]]) -
     return [*impossible, *(row | {"row": measurements.rows[row["row"]]} for row in found)]
 
 
-def edge_rows(whole: Observations, kept: Observations) -> list[dict[str, Any]]:
-    """Places in the frame of rows of which no reading can be used, with the reason."""
-    lost = np.setdiff1d(whole.row, kept.row)
+def edge_rows(whole: Observations, first: Observations, kept: Observations) -> list[dict[str, Any]]:
+    """Places in the frame of rows of which no reading can be used, with the reason.
+
+    Of the ``whole``, the ``first`` are what the baseline carries with power to spare, and ``kept`` what the explanation
+    that led then carries, too.
+    """
+    reasons = {int(row): _near(margin(whole)) for row in np.setdiff1d(whole.row, first.row)}
+    reasons |= {
+        int(row): _near(LEAST_SPARE, " beside the first explanation")
+        for row in np.setdiff1d(first.row, kept.row)
+    }
     return [
-        {
-            "row": int(row),
-            "column": "P2_W",
-            "value": float(whole.frame.iloc[row]["P2_W"]),
-            "reason": f"within {100 * margin(whole):.0f} % of the most that D1 and D2 can carry, or within "
-            f"{100 * LEAST_SPARE:.0f} % as the most probable cause has it, or above it: readings answer there to "
-            "everything at once, so nothing can be told apart",
-        }
-        for row in lost
+        {"row": row, "column": "P2_W", "value": float(whole.frame.iloc[row]["P2_W"]), "reason": reason}
+        for row, reason in sorted(reasons.items())
     ]
+
+
+def _near(margin: float, beside: str = "") -> str:
+    """Why a row within such a share of the power is left out."""
+    return (
+        f"within {100 * margin:.0f} % of the most that D1 and D2 can carry{beside}, or above it: readings answer there "
+        "to everything at once, so nothing can be told apart"
+    )
 
 
 def outliers(setting: Setting) -> list[dict[str, Any]]:

@@ -270,7 +270,7 @@ def _with_parts_named(refinery: Refinery, fit: Fit) -> list[Fit]:
     return [moved for _, moved in sorted(found, key=lambda each: -each[0])[:_NAMED]]
 
 
-def _shorter(refinery: Refinery, fits: Sequence[Fit], known: Iterable[Fit]) -> list[Fit]:
+def _shorter(refinery: Refinery, fits: Sequence[Fit], known: Sequence[Fit]) -> list[Fit]:
     """Fits without one of their faint causes each, followed to the end: those that gain on what is ``known``.
 
     What gains may have faint causes of its own, and is tried without these too.

@@ -53,7 +53,7 @@ class Cause:
 
     @property
     def shift(self) -> Array:
-        """What the cause adds to the prediction, (M,): simulated where it is alone, else along its slope."""
+        """What the cause adds to the prediction, (M,): all of its fit where it is alone, else along its slope."""
         return self.fit.shift if len(self.fit.terms) == 1 else self.term.slope * self.term.distance
 
 
@@ -180,15 +180,15 @@ def _tie_group(
 def _left_open(causes: Sequence[Cause], hypotheses: Sequence[Hypothesis]) -> list[tuple[str, ...]]:
     """One group of the fewest causes with 95 % together, each possible instead of those before it; or none.
 
-    One alone is none: it is there, but not surely beyond what parts have.
+    What is there in any case is open for how far it is off, and takes no other's place.
     """
     group: list[str] = []
     for cause in causes:
-        if _instead(hypotheses, cause, group) >= _POSSIBLE:
+        if not _is_there(cause, hypotheses) and _instead(hypotheses, cause, group) >= _POSSIBLE:
             group.append(cause.effect)
         if _any_of(hypotheses, group) >= SURE:
-            break
-    return [tuple(group)] if len(group) > 1 and _any_of(hypotheses, group) >= SURE else []
+            return [tuple(group)]
+    return []
 
 
 def judge(
@@ -271,17 +271,16 @@ def _groups(
 ) -> list[tuple[str, ...]]:
     """What is stated: each sure cause with all that could be there instead, and what has 95 % only together.
 
-    While it is not ``excluded`` that nothing is wrong, everything would be in a group.
+    While it is not ``excluded`` that nothing is wrong, everything would be in a group. What is there in any case, but
+    not surely further off than parts are, is in none.
     """
     sure = [c for c in large if c.probability >= SURE]
     rest = [c for c in large if c.probability < SURE]
     groups = [_tie_group(c, rest, hypotheses, whitener) for c in sure]
     taken = {name for group in groups for name in group}
-    rest = [c for c in rest if c.effect not in taken and not _is_surely_ordinary(c, hypotheses)]
+    rest = [c for c in rest if c.effect not in taken and not _is_there(c, hypotheses)]
     together = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and excluded else ()
-    return (
-        [*groups, together] if len(together) > 1 else groups
-    )  # one alone is not surely beyond what parts have
+    return [*groups, together] if together else groups
 
 
 def _rather_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:
@@ -289,9 +288,9 @@ def _rather_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:
     return cause.probability < _LIKELY * _any_of(hypotheses, (cause.effect,))
 
 
-def _is_surely_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:
-    """Whether what is surely there is rather as large as on any bench."""
-    return _rather_ordinary(cause, hypotheses) and _any_of(hypotheses, (cause.effect,)) >= SURE
+def _is_there(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:
+    """Whether a cause is surely there, further off than parts are or not."""
+    return _any_of(hypotheses, (cause.effect,)) >= SURE
 
 
 def _with_ties(cause: Cause, groups: Sequence[tuple[str, ...]]) -> Cause:

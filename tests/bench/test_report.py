@@ -183,6 +183,8 @@ def test_a_cause_as_large_as_is_searched_asks_for_the_model_first(data):
     assert "Make sure" not in actions(replace(data, diagnosis=DIAGNOSIS | {"causes": [faint]}))[0]
     unknown = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "unknown"}))
     assert unknown[0].endswith("in its unit: no known cause explains all of the gap.")
+    all_explained = DIAGNOSIS | {"verdict": "unknown", "unknown": {"probability": 0.0}}
+    assert not any("Make sure" in action for action in actions(replace(data, diagnosis=all_explained)))
 
 
 def test_rows_that_stand_out_and_are_no_outliers_are_to_be_measured_again(data):

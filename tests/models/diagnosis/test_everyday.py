@@ -99,7 +99,7 @@ VALUES = [
     ("magnetizing_inductance", 0.0197, 0.005),  # acts by its reciprocal
     ("magnetizing_inductance", 0.0072, 0.0004),
 ]
-BROAD = ("leakage_inductance", -0.0600, 0.010), ("leakage_inductance", -0.0600, 0.040)
+BROAD = ("leakage_inductance", -0.0600, 0.020), ("leakage_inductance", -0.0600, 0.040)
 BEYOND = [-0.0480, 0.0072]
 
 

@@ -224,6 +224,22 @@ def test_what_counts_as_likely_as_a_larger_one_has_its_values(
     np.testing.assert_allclose(found[1].fit.shift, value * FLAT, atol=1e-12)  # rounding
 
 
+def test_nothing_has_what_a_part_does_where_it_was_simulated() -> None:
+    """What is no straight line of the part stays with the hypothesis without it."""
+    usual = LINK.entry.headline.tolerance
+    bench = refinery(noise(5), [LINK], SIGMA)
+    fit = joint_fit({"link_resistance": GROWING}, 0.0 * FLAT, value=0.0).moved(np.array([usual]))
+    part = replace(fit, terms=(replace(fit.terms[0], sigma=0.1 * usual),), shift=fit.shift + 0.3)
+    nothing = replace(Fit.nothing(READINGS), log_evidence=-7.0)
+    hypotheses = [
+        Hypothesis(fit=part, leftover=None, probability=0.99),
+        Hypothesis(fit=nothing, leftover=None, probability=0.01),
+    ]
+    bare = _beyond_everyday(bench, hypotheses)[1]
+    np.testing.assert_allclose(bare.fit.shift, 0.3 * FLAT, atol=1e-12)  # rounding
+    assert bare.fit.log_evidence == -7.0
+
+
 def test_what_needs_parts_beyond_the_line_hardly_counts() -> None:
     """A spread of ten sigmas, and an effect of another shape that nothing calls for."""
     bench = refinery(10.0 * FLAT + noise(5), [LINK], SIGMA, FLAT[None])

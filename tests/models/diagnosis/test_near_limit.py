@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from models.dataset import load_measurements
@@ -68,9 +69,15 @@ def test_where_efficiency_is_alone_readings_nearer_the_edge_take_part(
     assert rows[0] > rows[1]
 
 
-def test_rows_without_power_have_it_to_spare(everything: Observations) -> None:
-    standby = np.flatnonzero(everything.frame["kind"] == "standby")
-    assert np.all(power_to_spare(everything, BASELINE, 10.0) == np.isin(everything.row, standby))
+def test_rows_without_power_have_it_to_spare() -> None:
+    frame = simulated_campaign(BASELINE, seed=1, count=12)
+    idle = pd.DataFrame(
+        {"kind": ["standby", "no_load"], "D1": 0.9, "D2": 0.1, "P2_W": 0.0, "P1_W": [0.5, 4.0]}
+    )
+    o = observe(pd.concat([frame, idle], ignore_index=True), prototype())
+    without = np.flatnonzero(o.frame["P2_W"] == 0.0)
+    assert set(without) <= set(o.row)
+    np.testing.assert_array_equal(power_to_spare(o, BASELINE, 20.0), np.isin(o.row, without))
 
 
 def test_what_a_link_inductance_bends_is_known_of_all_readings_together(alone: Observations) -> None:
@@ -136,8 +143,10 @@ def test_rows_that_a_cause_leaves_no_power_to_spare_take_no_part(
     # what takes no part near the limit is still of use to a surrogate
     lost = np.setdiff1d(usable.observations.row, expected)
     np.testing.assert_array_equal(np.unique(found.edge.row), np.union1d(usable.edge.row, lost))
-    listed = {row["row"] for row in edge_rows(whole, found.observations)}
-    assert set(lost.tolist()) <= listed
+    listed = {row["row"]: row["reason"] for row in edge_rows(whole, usable.observations, found.observations)}
+    first = set(usable.edge.row.tolist())
+    assert set(listed) == set(lost.tolist()) | first
+    assert all(("beside the first explanation" in listed[row]) == (row not in first) for row in listed)
 
 
 def test_beside_other_channels_a_cause_that_takes_no_power_changes_nothing(everything: Observations) -> None:
@@ -183,7 +192,9 @@ def test_where_too_few_rows_would_be_left_all_stay(everything: Observations) -> 
     usable = usable_of(everything)
     few = np.isin(usable.observations.row, rows)
     usable = replace(usable, observations=usable.observations.take(few), known=usable.known.take(few))
-    fit = with_cause(usable, "leakage_inductance", 0.2)
+    fit, refinery = with_cause(usable, "leakage_inductance", 0.2), refinery_of(usable)
+    model = refinery.model(fit, refinery.spreads(fit))
+    assert not np.all(power_to_spare(usable.observations, model, LEAST_SPARE))
     assert usable.as_explained(refinery_of(usable), fit) is usable
 
 
@@ -231,3 +242,16 @@ def test_a_diagnosis_goes_by_the_rows_that_its_first_cause_carries() -> None:
     lost = {measurements.rows[k] for k in first - rows}
     assert lost <= {row["row"] for row in found.rejected if row["column"] == "P2_W"}
     assert found.verdict.stated == ("leakage_inductance",)
+
+
+def test_a_diagnosis_of_efficiency_alone_weighs_again_how_readings_bend() -> None:
+    model = BASELINE.with_effect("link_resistance", resistance_Ohm=0.1)
+    found = diagnose(load_measurements(simulated_campaign(model, seed=1, count=40)[ALONE]))
+    assert found.verdict.stated == ("link_resistance",)
+    assert found.refinery.known.bends.shape == (2, found.observations.value.size)
+
+
+def test_without_a_cause_a_diagnosis_weighs_once() -> None:
+    found = diagnose(load_measurements(simulated_campaign(BASELINE, seed=1, count=40)[ALONE]))
+    assert found.verdict.kind == "consistent"
+    assert found.refinery.known.bends.shape[0] == 1

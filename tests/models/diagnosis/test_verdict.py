@@ -317,6 +317,23 @@ def test_beside_a_sure_cause_what_is_not_surely_beyond_the_line_is_not_stated(
     assert len(verdict.causes) == listed  # and what is rather ordinary not as hardly probable
 
 
+def test_what_is_there_in_any_case_takes_no_others_place() -> None:
+    """Neither in a group of the design, nor in one of the data: what stands beside it is stated."""
+    both = joint_fit({"thermal_resistance": ACROSS, "link_resistance": ALONG}, ALONG + ACROSS)
+    usual = replace(both.terms[0], value=0.05)
+    for other, open_ in ((ALONG, False), (np.array([0.0, 0.0, 30.0, 0.0]), True)):
+        sic = joint_fit({"sic_on_resistance": other}, other).terms[0]
+        cases = (((both.terms[0], both.terms[1]), 0.51), ((usual, sic), 0.39), ((both.terms[0], sic), 0.1))
+        hypotheses = [
+            Hypothesis(fit=replace(both, terms=terms), leftover=None, probability=probability)
+            for terms, probability in cases
+        ]
+        verdict = judge(hypotheses, WHITENER)
+        assert verdict.groups == (("link_resistance", "sic_on_resistance"),)
+        assert verdict.left_open == open_
+        assert verdict.causes[0].effect == "thermal_resistance"  # likeliest, and listed
+
+
 def test_what_the_data_leave_open_is_open_between_causes() -> None:
     """One that is there, and beyond the line with less than 95 %, leaves nothing open to another."""
     both = joint_fit({"thermal_resistance": ACROSS, "link_resistance": ALONG}, ALONG + ACROSS)
