@@ -1,9 +1,9 @@
 """What a diagnosis costs: the whole catalogue and all channels on virtual labs, against its bars.
 
 Every table is that of a lab of its own (parts off by their tolerance, analyzer errors, drift) that hides something:
-a resistance, a threshold, an edge, two causes at once, nothing. The bar is for the slowest, on the wall; processor time
-is beside it, since trials run many diagnoses side by side. A diagnosis as a process of its own, from a file to page and
-JSON answer, adds the drawing and what Python takes to begin with.
+a resistance, a threshold, an edge, two causes at once, what takes power from rows, nothing. The bar is for the
+slowest, on the wall; processor time is beside it, since trials run many diagnoses side by side. A diagnosis as a
+process of its own, from a file to page and JSON answer, adds the drawing and what Python takes to begin with.
 
 ``--scale`` thins the labs. Seconds depend on the machine and on what else runs there.
 """
@@ -35,6 +35,7 @@ HIDDEN: tuple[tuple[tuple[str, float], ...], ...] = (
     (("fan_step", 3.0),),
     (("output_capacitance", 0.6),),
     (("thermal_resistance", 0.5), ("link_resistance", 0.05)),
+    (("leakage_inductance", 0.12),),
 )
 _LEAST_POINTS = 30  # of the first diagnosis, which is not timed: what is made once only is made there
 
