@@ -271,7 +271,7 @@ def _diagnosed(
     noise, setting, fits = _searched(usable, baseline)
     explained = usable.as_explained(setting.refinery, max(fits, key=setting.refinery.log_probability))
     if explained is not usable:
-        progress("weighing them again near the limit that the first explanation has")
+        progress("weighing them again without the rows that the first explanation leaves no power to spare")
         usable, (noise, setting, fits) = explained, _searched(explained, baseline)
     observations = usable.observations
     refinery = with_laws_as_read(setting.refinery, fits)

@@ -49,22 +49,23 @@ class Usable:
     rejected_columns: list[RejectedColumn]
 
     def as_explained(self, refinery: Refinery, fit: Fit) -> Self:
-        """The same as a fit that leads a search has it; itself where that makes no difference, or leaves too few rows.
+        """The same without the rows that the causes of a fit which leads a search leave too little power to spare.
 
-        Left out are rows that its causes leave too little power to spare. Where it counts what a link inductance
-        bends, with efficiency alone, that is what it bends about this fit.
+        Itself where there are none, or where too few rows would be left. Where it counts what a link inductance bends,
+        with efficiency alone, that is what it bends about this fit.
         """
         if not fit.terms:
             return self
         o, model = self.observations, refinery.model(fit, refinery.spreads(fit))
         spare, known = power_to_spare(o, model, LEAST_SPARE), self.known
+        if np.all(spare):
+            return self
         if len(known.bends) and (link := _link_inductance(known, fit)) is not None:
             parts = np.eye(len(known.modes))[link]
             slope, bend = answers_about(o, model, known.modes.spreads[link], refinery.near)
             spare &= np.isfinite(slope + bend)
             known = replace(known, bends=np.stack([slope - known.moved(parts), bend]))
-        unchanged = known is self.known and np.all(spare)
-        if unchanged or _rows_left(o.take(spare)) < LEAST_ROWS:
+        if _rows_left(o.take(spare)) < LEAST_ROWS:
             return self
         return replace(
             self,

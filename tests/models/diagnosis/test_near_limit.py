@@ -149,8 +149,9 @@ def test_rows_that_a_cause_leaves_no_power_to_spare_take_no_part(
     assert all(("beside the first explanation" in listed[row]) == (row not in first) for row in listed)
 
 
-def test_beside_other_channels_a_cause_that_takes_no_power_changes_nothing(everything: Observations) -> None:
-    usable = usable_of(everything)
+@pytest.mark.parametrize("channels", ["everything", "alone"])
+def test_a_cause_that_takes_no_power_changes_nothing(channels: str, request: pytest.FixtureRequest) -> None:
+    usable = usable_of(request.getfixturevalue(channels))
     fit = with_cause(usable, "auxiliary_power", 3.0)
     assert usable.as_explained(refinery_of(usable), fit) is usable
 
@@ -177,8 +178,13 @@ def test_a_row_that_does_not_run_with_another_inductance_takes_no_part(
         return np.where(o.row == o.row[5], np.nan, np.ones((2, o.value.size)))
 
     monkeypatch.setattr(usable_rows, "answers_about", answers)
-    found = usable.as_explained(refinery_of(usable), with_cause(usable, "auxiliary_power", 3.0))
-    assert set(usable.observations.row) - set(found.observations.row) == {usable.observations.row[5]}
+    refinery, fit = refinery_of(usable), with_cause(usable, "duty_offset", -0.05)
+    model = refinery.model(fit, refinery.spreads(fit))
+    spare = power_to_spare(usable.observations, model, LEAST_SPARE)
+    assert spare[5]
+    found = usable.as_explained(refinery, fit)
+    expected = set(usable.observations.row[spare]) - {usable.observations.row[5]}
+    assert set(found.observations.row) == expected
     assert np.all(np.isfinite(found.known.bends))
 
 
@@ -201,7 +207,7 @@ def test_where_too_few_rows_would_be_left_all_stay(everything: Observations) -> 
 def test_with_efficiency_alone_readings_bend_as_the_cause_has_it(alone: Observations) -> None:
     usable = usable_of(alone)
     refinery = refinery_of(usable)
-    fit = with_cause(usable, "skin_effect", 2.0)
+    fit = with_cause(usable, "duty_offset", -0.05)
     found = usable.as_explained(refinery, fit)
     o, known = found.observations, found.known
     inductance = known.spread_names.index("inductor.inductance_H")
@@ -244,14 +250,15 @@ def test_a_diagnosis_goes_by_the_rows_that_its_first_cause_carries() -> None:
     assert found.verdict.stated == ("leakage_inductance",)
 
 
-def test_a_diagnosis_of_efficiency_alone_weighs_again_how_readings_bend() -> None:
-    model = BASELINE.with_effect("link_resistance", resistance_Ohm=0.1)
-    found = diagnose(load_measurements(simulated_campaign(model, seed=1, count=40)[ALONE]))
-    assert found.verdict.stated == ("link_resistance",)
-    assert found.refinery.known.bends.shape == (2, found.observations.value.size)
-
-
-def test_without_a_cause_a_diagnosis_weighs_once() -> None:
-    found = diagnose(load_measurements(simulated_campaign(BASELINE, seed=1, count=40)[ALONE]))
-    assert found.verdict.kind == "consistent"
-    assert found.refinery.known.bends.shape[0] == 1
+@pytest.mark.parametrize(
+    ("cause", "values", "directions"),
+    [("duty_offset", {"offset": -0.02}, 2), ("link_resistance", {"resistance_Ohm": 0.1}, 1)],
+)
+def test_a_diagnosis_of_efficiency_alone_weighs_again_what_takes_power_from_rows(
+    cause: str, values: dict[str, float], directions: int
+) -> None:
+    """A shorter pulse leaves a row less than three per cent; a resistance takes none below that."""
+    frame = simulated_campaign(BASELINE.with_effect(cause, **values), seed=1, count=40)[ALONE]
+    found = diagnose(load_measurements(frame))
+    assert found.verdict.stated == (cause,)
+    assert found.refinery.known.bends.shape == (directions, found.observations.value.size)
