@@ -73,9 +73,9 @@ class Signatures:
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
     ``bends`` (q, M) are further directions, one sigma each, where efficiency is alone: what a link inductance off
     bends near the limit about the baseline; or, about a cause that leads, by what its slope differs and what it bends.
-    ``per_watt`` (M,) is the change for one watt more at the output. ``inaccuracy`` (3, M) is
-    that of the simulation, of the input power such a share as ``doubt`` says, of other channels as ``others_doubt``;
-    what each loss part's law, one of ``laws`` (parts, M), may be off by over the whole map then stands beneath.
+    ``per_watt`` (M,) is the change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation,
+    of the input power such a share as ``doubt`` says, of other channels as ``others_doubt``; what each loss part's
+    law, one of ``laws`` (parts, M), may be off by over the whole map then stands beneath.
     ``near`` is the baseline's simulation at ``rows`` of the frame, for variants to start from along ``lines``;
     ``told`` is what variants say there; ``state`` (by row of the frame) is what thresholds are of.
     """
