@@ -37,7 +37,7 @@ from bench.wording import (
 )
 from models.dataset import Measurements, load_measurements
 from models.switching_frequency import StatedFrequency, stated_frequencies
-from sim.effects.catalogue import effect
+from sim.effects.catalogue import left_out
 from sim.model import Model
 from sim.parameters import ParameterError
 
@@ -77,7 +77,7 @@ def diagnose(
     check_folder(out_dir, "--out")
     if json_file is not None:
         check_folder(json_file.parent, "--json")
-    left_out = known_effects(without or ())
+    unknown = known_effects(without or ())
     table, campaign_id, virtual = measured(data, db)
     where = data if campaign_id is None else f"campaign {data}"
     _check_size(where, table)
@@ -88,7 +88,7 @@ def diagnose(
         found = find_cause(
             table,
             simulation,
-            without=left_out,
+            without=unknown,
             progress=lambda said: err.print(escape(said)),
             processes=processes,
         )
@@ -151,10 +151,10 @@ def _stated(table: Measurements, campaign_id: int | None, db: str | None) -> tup
         return frequencies_by_import(store.campaign(campaign_id)["config"])
 
 
-def known_effects(names: Sequence[str]) -> list[str]:
-    """Effects of the catalogue; InputError for a name that is none."""
+def known_effects(names: Sequence[str]) -> frozenset[str]:
+    """Effects of the catalogue to do without; InputError for a name that is none, and for all of them."""
     try:
-        return [effect(name).name for name in names]
+        return left_out(names)
     except ParameterError as error:
         raise InputError.of("command line", "--without", None, str(error)) from error
 

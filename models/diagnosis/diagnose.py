@@ -17,6 +17,7 @@ from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.extension import extended, interval
+from models.diagnosis.found import find
 from models.diagnosis.gain import Gain, Readings, Worth
 from models.diagnosis.gap import Added, gap
 from models.diagnosis.hypotheses import Fit
@@ -29,17 +30,16 @@ from models.diagnosis.next_measurement import (
     next_measurements,
     rivals_of,
 )
-from models.diagnosis.noise import ChannelNoise, estimate_noise
+from models.diagnosis.noise import ChannelNoise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.plausibility import RejectedColumn
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.search import search
-from models.diagnosis.setting import Setting, set_up
+from models.diagnosis.setting import Setting
 from models.diagnosis.sight import Sight, sight
 from models.diagnosis.unexplained import Unexplained, unexplained
-from models.diagnosis.usable import Usable, check_table, usable_readings
+from models.diagnosis.usable import check_table, usable_readings
 from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge, telling_of
-from sim.effects.catalogue import CATALOGUE, effect
+from sim.effects.catalogue import CATALOGUE, left_out
 from sim.model import Model
 from sim.side_by_side import at_once, kept
 
@@ -248,35 +248,31 @@ def diagnose(
     ImplausibleTable
         Voltages or set points that cannot be of this converter.
     ParameterError
-        ``without`` names an effect that the catalogue does not have.
+        ``without`` names an effect that the catalogue does not have, or all that it has.
     """
     with _one_thread(), kept(processes):
-        return _diagnosed(measurements, baseline or Model.baseline(), without, seed, progress, processes)
+        return _diagnosed(
+            measurements, baseline or Model.baseline(), left_out(without), seed, progress, processes
+        )
 
 
 def _diagnosed(
     measurements: Measurements,
     baseline: Model,
-    without: Collection[str],
+    unknown: frozenset[str],
     seed: int,
     progress: Callable[[str], None],
     processes: int,
 ) -> Diagnosis:
-    left_out = frozenset(effect(name).name for name in without)
     whole = observe(measurements.frame, baseline.converter, processes)
     check_table(whole, measurements, baseline)
-    progress(f"simulating {len(CATALOGUE) - len(left_out)} effects at {len(whole.frame)} points")
-    first = usable = usable_readings(whole, baseline, left_out, measurements.rows)
-    progress("weighing the causes")
-    noise, setting, fits = _searched(usable, baseline)
-    explained = usable.as_explained(setting.refinery, max(fits, key=setting.refinery.log_probability))
-    if explained is not usable:
-        progress("weighing them again without the rows that the first explanation leaves no power to spare")
-        usable, (noise, setting, fits) = explained, _searched(explained, baseline)
-    observations = usable.observations
-    refinery = with_laws_as_read(setting.refinery, fits)
-    setting = replace(setting, refinery=refinery)
-    hypotheses = posterior(refinery, fits)
+    progress(f"simulating {len(CATALOGUE) - len(unknown)} effects at {len(whole.frame)} points")
+    first = usable_readings(whole, baseline, unknown, measurements.rows)
+    found = find(first, baseline, progress)
+    usable, observations = found.usable, found.usable.observations
+    refinery = with_laws_as_read(found.setting.refinery, found.fits)
+    setting = replace(found.setting, refinery=refinery)
+    hypotheses = posterior(refinery, found.fits)
     nameless = unexplained(hypotheses, refinery)
     alike = confirmed(setting, hypotheses[0])
     verdict = judge(
@@ -299,7 +295,7 @@ def _diagnosed(
         observations=observations,
         baseline=baseline,
         residual=refinery.residual,
-        noise=noise,
+        noise=found.noise,
         gap=gap(observations, refinery.residual),
         added={c.effect: Added.by(observations, refinery.residual, c.shift) for c in verdict.causes},
         worth=worth,
@@ -318,14 +314,6 @@ def _diagnosed(
         held_out=held_out,
         ahead=ahead,
     )
-
-
-def _searched(usable: Usable, baseline: Model) -> tuple[list[ChannelNoise], Setting, list[Fit]]:
-    """Noise of the readings in use, what they are weighed in, and all that a search has found there."""
-    observations, known = usable.observations, usable.known
-    noise = estimate_noise(observations, observations.value - known.baseline)
-    setting = set_up(observations, baseline, known, noise)
-    return noise, setting, search(setting.refinery)
 
 
 def _at_the_end(

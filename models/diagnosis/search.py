@@ -43,9 +43,12 @@ def on_tangents(refinery: Refinery) -> list[Fit]:
     return [replace(nothing, log_evidence=refinery.weighed(nothing).log_evidence), *lines]
 
 
-def search(refinery: Refinery) -> list[Fit]:
-    """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
-    fits, scans = _alone(refinery)
+def search(refinery: Refinery, tangents: Sequence[Fit] | None = None) -> list[Fit]:
+    """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover.
+
+    ``tangents`` are the first look of :func:`on_tangents`, where somebody has had it.
+    """
+    fits, scans = _alone(refinery, tangents or on_tangents(refinery))
     straight = [*(_term(s) for s in refinery.known.effects), *_secants(fits[0], scans)]
     for size, most in ((2, _PAIRS), (3, _TRIPLES)):
         larger = _larger(refinery, fits, straight, size, most)
@@ -84,15 +87,14 @@ def _to_sharpen(refinery: Refinery, sharp: Sequence[Fit], rest: Sequence[Fit]) -
     return [f for f in order if in_reach(f)][: _SHARPENED - len(sharp)]
 
 
-def _alone(refinery: Refinery) -> tuple[list[Fit], list[Fit]]:
+def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list[Fit]]:
     """Nothing, and every effect alone: all simulated once, those that lead to the end; and where searches start.
 
     What gains nothing so near off that its signature was simulated further out stays on its line about nothing's state.
     """
-    nothing = Fit.nothing(refinery.residual.size)
-    lines = _best_variants(_screened(refinery, nothing))
+    nothing, *lines = tangents
+    straight = nothing.log_evidence
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
-    straight = refinery.weighed(nothing).log_evidence
     known = [line for line in lines if _is_known(line, straight)]
     lines = [line for line in lines if not _is_known(line, straight)]
     nothing, *curves = refinery.simulated([nothing, *lines, *scans])

@@ -8,6 +8,7 @@ import pytest
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.usable import LEAST_ROWS, TooFewPoints
+from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.parameters import ParameterError
 from tests.models.diagnosis.virtual_campaign import lab_campaign, simulated_campaign
@@ -43,6 +44,12 @@ def test_an_unknown_effect_to_leave_out_is_refused_with_the_nearest() -> None:
     frame = simulated_campaign(Model.baseline(), seed=2, count=20)
     with pytest.raises(ParameterError, match="did you mean 'skin_effect'"):
         diagnose(load_measurements(frame), without=["skin_efect"])
+
+
+def test_a_catalogue_that_is_left_out_altogether_is_refused() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=2, count=20)
+    with pytest.raises(ParameterError, match="one at least has to stay"):
+        diagnose(load_measurements(frame), without=CATALOGUE)
 
 
 # --- what it says -------------------------------------------------------------------------------------

@@ -69,7 +69,7 @@ def test_the_search_goes_on_from_what_a_faint_cause_led_to(monkeypatch: pytest.M
             at_off.moved(np.array([0.05, 0.0])),
         ],
     )
-    monkeypatch.setattr(searched, "_alone", lambda _: ([nothing, stuck], []))
+    monkeypatch.setattr(searched, "_alone", lambda *_: ([nothing, stuck], []))
     monkeypatch.setattr(searched, "_larger", lambda *args: [both] if args[3] == 2 else [])
     monkeypatch.setattr(searched, "_sharpened", lambda _, fits: fits)  # each as it came
     alone = next(f for f in search(bench) if f.effects == ("link_resistance",))

@@ -1,0 +1,81 @@
+"""What a search finds in a table's readings, the rows left out that the cause which leads leaves no power to spare."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.noise import ChannelNoise, estimate_noise
+from models.diagnosis.search import on_tangents, search
+from models.diagnosis.setting import Setting, set_up
+from models.diagnosis.usable import Usable
+from sim.model import Model
+
+_FAR_AHEAD = 50.0  # in log evidence on tangents: no other cause alone comes near
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """The readings that take part, their noise, the setting that they are weighed in, and all that fits there."""
+
+    usable: Usable
+    noise: list[ChannelNoise]
+    setting: Setting
+    tangents: list[Fit] = field(repr=False)
+
+    @classmethod
+    def of(cls, usable: Usable, baseline: Model) -> Self:
+        """With all that is known before anything is searched: every effect alone on its tangent."""
+        observations, known = usable.observations, usable.known
+        noise = estimate_noise(observations, observations.value - known.baseline)
+        setting = set_up(observations, baseline, known, noise)
+        return cls(usable=usable, noise=noise, setting=setting, tangents=on_tangents(setting.refinery))
+
+    @cached_property
+    def fits(self) -> list[Fit]:
+        """What is found by a search."""
+        return search(self.setting.refinery, self.tangents)
+
+    @property
+    def leading(self) -> Fit:
+        """The most probable of the fits."""
+        return max(self.fits, key=self.setting.refinery.log_probability)
+
+    @property
+    def far_ahead(self) -> Fit | None:
+        """The cause that leads all others by far, before anything is searched; None where there is none."""
+        first, *others = sorted(self.tangents, key=lambda fit: -fit.log_evidence)
+        ahead = all(first.log_evidence > fit.log_evidence + _FAR_AHEAD for fit in others)
+        return first if first.terms and ahead else None
+
+    def without_edge_of(self, fit: Fit, baseline: Model) -> Self:
+        """The same of the rows that the causes of a fit leave power to spare; itself where all are."""
+        usable = self.usable.as_explained(self.setting.refinery, fit)
+        return self if usable is self.usable else type(self).of(usable, baseline)
+
+
+def find(usable: Usable, baseline: Model, progress: Callable[[str], None]) -> Found:
+    """What is found in the rows that the explanation which leads in the end leaves power to spare.
+
+    Where one cause is far ahead before anything is searched, its rows are left out at once: what is found with all of
+    them is of no use then. If that cause does not lead in the end, it was not so.
+    """
+    progress("weighing the causes")
+    begun = Found.of(usable, baseline)
+    first = _at_first_sight(begun, baseline) or begun
+    last = first.without_edge_of(first.leading, baseline)
+    if last is not first:
+        progress("weighing them again without the rows that the first explanation leaves no power to spare")
+    return last
+
+
+def _at_first_sight(begun: Found, baseline: Model) -> Found | None:
+    """What is found without the rows of the cause that is far ahead; None where it leaves all, or does not lead then.
+
+    With efficiency alone what bends there is asked of the state that a search has found, so that nothing is known yet.
+    """
+    if begun.usable.observations.efficiency_alone or (ahead := begun.far_ahead) is None:
+        return None
+    kept = begun.without_edge_of(ahead, baseline)
+    return kept if kept is not begun and set(ahead.effects) <= set(kept.leading.effects) else None

@@ -1,0 +1,122 @@
+"""What is searched, and of which rows: once where one cause is far ahead before anything is searched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from models.diagnosis import found as found_
+from models.diagnosis.found import Found, find
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.observations import observe
+from models.diagnosis.search import search
+from models.diagnosis.usable import Usable, usable_readings
+from sim.effects.catalogue import CATALOGUE
+from sim.model import Model
+from sim.prototype import prototype
+from tests.models.diagnosis.virtual_campaign import simulated_campaign
+
+BASELINE = Model.baseline()
+ALONE = ["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]
+
+
+def usable_of(frame: pd.DataFrame, without: frozenset[str] = frozenset()) -> Usable:
+    whole = observe(frame, prototype())
+    return usable_readings(whole, BASELINE, without, range(len(frame)))
+
+
+def with_effects(**values: dict[str, float]) -> pd.DataFrame:
+    model = BASELINE
+    for name, value in values.items():
+        model = model.with_effect(name, **value)
+    return simulated_campaign(model, seed=1, count=40)
+
+
+@pytest.fixture(scope="module")
+def larger_inductance() -> Usable:
+    """It takes power from rows."""
+    return usable_of(with_effects(leakage_inductance={"relative_error": 0.12}))
+
+
+@pytest.fixture
+def searched(monkeypatch: pytest.MonkeyPatch) -> list[Fit]:
+    """The leading fit of every search."""
+    leading = []
+
+    def counted(refinery, tangents):
+        fits = search(refinery, tangents)
+        leading.append(max(fits, key=refinery.log_probability))
+        return fits
+
+    monkeypatch.setattr(found_, "search", counted)
+    return leading
+
+
+def test_a_cause_that_is_far_ahead_leaves_rows_out_before_the_search(
+    larger_inductance: Usable, searched: list[Fit]
+) -> None:
+    found = find(larger_inductance, BASELINE, lambda _: None)
+    assert [fit.effects for fit in searched] == [("leakage_inductance",)]
+    rows = found.usable.observations.row
+    assert set(rows) < set(larger_inductance.observations.row)
+    # those that the search leaves, too: nothing that it has carries less of them
+    assert found.usable.as_explained(found.setting.refinery, found.leading) is found.usable
+
+
+def test_a_cause_that_is_not_far_ahead_does_so_after_it(
+    larger_inductance: Usable, searched: list[Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Found, "far_ahead", None)
+    said = list[str]()
+    found = find(larger_inductance, BASELINE, said.append)
+    found.fits  # noqa: B018  what the caller asks for
+    assert [fit.effects for fit in searched] == [("leakage_inductance",)] * 2
+    assert set(found.usable.observations.row) < set(larger_inductance.observations.row)
+    assert len(said) == 2
+
+
+def test_what_was_far_ahead_and_does_not_lead_leaves_no_row_out(
+    searched: list[Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usable = usable_of(with_effects(link_resistance={"resistance_Ohm": 0.1}))
+    tangents = Found.of(usable, BASELINE).tangents
+    (wrong,) = (fit for fit in tangents if fit.effects == ("leakage_inductance",))
+    wrong = wrong.moved(np.array([0.12 - wrong.terms[0].value]))
+    monkeypatch.setattr(Found, "far_ahead", wrong)
+    found = find(usable, BASELINE, lambda _: None)
+    assert found.usable is usable
+    assert [fit.effects for fit in searched] == [("link_resistance",)] * 2
+
+
+def test_with_efficiency_alone_what_bends_is_known_after_the_search(
+    searched: list[Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usable = usable_of(with_effects(duty_offset={"offset": -0.02})[ALONE])
+    ahead = next(fit for fit in Found.of(usable, BASELINE).tangents if fit.effects == ("duty_offset",))
+    monkeypatch.setattr(Found, "far_ahead", ahead)
+    found = find(usable, BASELINE, lambda _: None)
+    assert found.leading.effects == ("duty_offset",)
+    assert len(searched[0].shift) == usable.observations.value.size
+    assert found.usable.known.bends.shape[0] == 2
+
+
+def test_far_ahead_is_what_no_other_cause_comes_near(larger_inductance: Usable) -> None:
+    found = Found.of(larger_inductance, BASELINE)
+    first = found.far_ahead
+    assert first is not None
+    assert first.effects == ("leakage_inductance",)
+    near = [
+        replace(fit, log_evidence=first.log_evidence - 49.0) if fit.effects == ("fan_step",) else fit
+        for fit in found.tangents
+    ]
+    assert replace(found, tangents=near).far_ahead is None
+    nothing = [replace(fit, log_evidence=fit.log_evidence + 1e6 * (not fit.terms)) for fit in found.tangents]
+    assert replace(found, tangents=nothing).far_ahead is None
+
+
+def test_one_effect_that_is_left_is_searched() -> None:
+    frame = with_effects(leakage_inductance={"relative_error": 0.12})
+    without = frozenset(CATALOGUE) - {"leakage_inductance"}
+    found = find(usable_of(frame, without), BASELINE, lambda _: None)
+    assert found.leading.effects == ("leakage_inductance",)
