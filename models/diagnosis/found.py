@@ -25,10 +25,13 @@ class Found:
     tangents: list[Fit] = field(repr=False)
 
     @classmethod
-    def of(cls, usable: Usable, baseline: Model) -> Self:
-        """With all that is known before anything is searched: every effect alone on its tangent."""
+    def of(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise] | None = None) -> Self:
+        """With all that is known before anything is searched: every effect alone on its tangent.
+
+        The ``noise`` is that of these readings where none is given.
+        """
         observations, known = usable.observations, usable.known
-        noise = estimate_noise(observations, observations.value - known.baseline)
+        noise = noise or estimate_noise(observations, observations.value - known.baseline)
         setting = set_up(observations, baseline, known, noise)
         return cls(usable=usable, noise=noise, setting=setting, tangents=on_tangents(setting.refinery))
 
@@ -50,9 +53,15 @@ class Found:
         return first if first.terms and ahead else None
 
     def without_edge_of(self, fit: Fit, baseline: Model) -> Self:
-        """The same of the rows that the causes of a fit leave power to spare; itself where all are."""
+        """The same of the rows that the causes of a fit leave power to spare; itself where all are.
+
+        Replicates tell the noise whether or not they have that power: two of them bend alike.
+        """
         usable = self.usable.as_explained(self.setting.refinery, fit)
-        return self if usable is self.usable else type(self).of(usable, baseline)
+        if usable is self.usable:
+            return self
+        names = [channel.name for channel in usable.observations.channels]
+        return type(self).of(usable, baseline, [n for n in self.noise if n.channel in names])
 
 
 def find(usable: Usable, baseline: Model, progress: Callable[[str], None]) -> Found:

@@ -64,6 +64,26 @@ def test_a_cause_that_is_far_ahead_leaves_rows_out_before_the_search(
     assert found.usable.as_explained(found.setting.refinery, found.leading) is found.usable
 
 
+def test_replicates_tell_the_noise_where_they_have_no_power_to_spare(larger_inductance: Usable) -> None:
+    before = Found.of(larger_inductance, BASELINE)
+    (cause,) = (fit for fit in before.tangents if fit.effects == ("leakage_inductance",))
+    without_D0 = [n for n in before.noise if n.channel != "D0"]
+    told = [replace(n, sigma=0.5 * n.sigma) for n in without_D0]
+    lost = larger_inductance.observations.of("D0")
+    kept = before.without_edge_of(cause, BASELINE).usable.observations.row
+    lost &= np.isin(larger_inductance.observations.row, kept)  # D0 is read near the limit alone
+    usable = replace(
+        larger_inductance,
+        observations=larger_inductance.observations.take(~lost),
+        known=larger_inductance.known.take(~lost),
+    )
+    begun = replace(Found.of(usable, BASELINE), noise=[*told, *set(before.noise) - set(without_D0)])
+    (cause,) = (fit for fit in begun.tangents if fit.effects == ("leakage_inductance",))
+    found = begun.without_edge_of(cause, BASELINE)
+    assert "D0" not in [c.name for c in found.usable.observations.channels]
+    assert found.noise == told
+
+
 def test_a_cause_that_is_not_far_ahead_does_so_after_it(
     larger_inductance: Usable, searched: list[Fit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
