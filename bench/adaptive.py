@@ -178,7 +178,7 @@ class Adaptive:
             f"another hill may be the highest of its load: {100 * lost:.4f} points lost on average, at worst"
         )
         settable = self._settable(rivals.place, so_far)
-        return [_load(rivals.place[k], why) for k, _ in rivals.worth_most(self._settings.at_once, settable)]
+        return [_load(rivals.place[k], why) for k in rivals.chosen(self._settings.at_once, settable)]
 
     def _settable(self, place: Box, so_far: "_SoFar") -> NDArray[np.bool_]:
         """Which set points (K, 3) are in the campaign's ranges and the bench's limits, and were not refused."""

@@ -11,12 +11,13 @@ choices gain on average once they are measured. Of each load the rival that is w
 hill are nearly the same; loads add up. Points are chosen one after the other, each the one that is worth most together
 with those before it.
 
-Where to measure is asked with a wider s: hills lie where devices just switch softly, and what a law of edges misses
-there the model learns from few rows, while all others make it sure.
+Where to measure is asked with a wider s (:meth:`RivalHills.chosen`): hills lie where devices just switch softly, and
+what a law of edges misses there the model learns from few rows, while all others make it sure. And what costs is the
+rare hill that is much higher than the model sees it, of which a mean says little.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Self
 
@@ -35,6 +36,7 @@ _STEPS = np.array(list(product((0, -1, 1), repeat=2)))  # to a top itself and ar
 _STEP = 0.02  # in D1 and D2: across an edge that just switches softly, a little of the way over which laws are smooth
 _BELOW = 1e-3  # of efficiency: what lies further below the best is no rival
 _DOUBT = 2.0  # Assumption: differences between hills may be off by twice what the model says
+_WIDER = 1.5  # times that, where to measure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +89,11 @@ class RivalHills:
             yield row, float(total[row]) - gained
             gained, told_before = float(total[row]), told[:, row]
             open_ = open_ - np.outer(shift[:, row], shift[:, row])
+
+    def chosen(self, count: int, allowed: NDArray[np.bool_] | None = None) -> list[int]:
+        """Which points to measure, so many of the ``allowed`` (K,): worth most where hills are far less sure."""
+        wider = replace(self, covariance=_WIDER**2 * self.covariance)
+        return [row for row, _ in wider.worth_most(count, allowed)]
 
     @property
     def _best(self) -> NDArray[np.intp]:

@@ -17,8 +17,8 @@ from models.rival_hills import RivalHills
 
 Array = NDArray[np.float64]
 
-_SHARE, _MOST = 1 / 3, 64  # of the points are chosen
-_ROUNDS = 4
+_SHARE, _MOST = 0.4, 64  # of the points are chosen
+_ROUNDS = 7
 DESIGN = 29
 _ANOTHER = 1_000_000  # between the seeds of the noise of one round and the next
 
@@ -51,8 +51,7 @@ def measured(lab: Laboratory, size: int, loads_W: Array, *, seed: int) -> Diagno
     table = survey(lab, _schedule(points), seed=seed)
     for turn in range(1, _ROUNDS + 1):
         rivals = RivalHills.of(diagnose(load_measurements(table)).calibrated, loads_W)
-        chosen = [row for row, _ in rivals.worth_most(each)]
-        points = np.concatenate([points, rivals.place[chosen]])
+        points = np.concatenate([points, rivals.place[rivals.chosen(each)]])
         whole = survey(lab, _schedule(points), seed=seed + _ANOTHER * turn)
         table = pd.concat([table, whole[whole["time_s"] > table["time_s"].max()]], ignore_index=True)
     return diagnose(load_measurements(table))
