@@ -93,7 +93,11 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
         frame=complete(frame[kept].reset_index(drop=True)),
         rows=tuple(int(place) + 1 for place in np.flatnonzero(kept)),
         rejected=rejected,
-        notes=(*read.notes, *_unknown(frame), *(converting(note, names) for note in notes)),
+        notes=(
+            *read.notes,
+            *_unknown(frame, [str(column) for column in raw.columns]),
+            *(converting(note, names) for note in notes),
+        ),
     )
 
 
@@ -110,15 +114,21 @@ def _why_none(rejected: Sequence[RejectedRow]) -> str:
     return f"none of {len(rejected)} rows can be used; {first}{alike}{beside}"
 
 
-def _unknown(frame: pd.DataFrame) -> tuple[str, ...]:
+def _unknown(frame: pd.DataFrame, there: Sequence[str]) -> tuple[str, ...]:
+    """That columns are not known, and which of those known but not ``there`` some of them seem to be."""
     stated = {each.column for each in stated_frequencies(frame, range(1, len(frame) + 1)) if each.sure}
     unknown = [str(column) for column in frame.columns if column not in (*KNOWN_COLUMNS, *stated)]
-    return (f"unknown columns, kept and ignored: {', '.join(unknown)}",) if unknown else ()
+    if not unknown:
+        return ()
+    near = meant((), [column for column in KNOWN_COLUMNS if column not in there], unknown)
+    options = " ".join(as_option(ours, theirs) for ours, theirs in near.items())
+    asked = f"; d2ea import {options} would take what seems to be known under another name" if near else ""
+    return (f"unknown columns, kept and ignored: {', '.join(unknown)}{asked}",)
 
 
 def _whole(frame: pd.DataFrame) -> CsvTable:
-    """A frame that was no text: its rows stand on no lines."""
-    return CsvTable(frame=frame.reset_index(drop=True), lines=(), notes=())
+    """A frame that was no text: its rows stand on no lines, and an index with a name is a column like any other."""
+    return CsvTable(frame=frame.reset_index(drop=frame.index.name is None), lines=(), notes=())
 
 
 def _read(path: Path, names: Sequence[OtherName]) -> CsvTable:
@@ -160,7 +170,8 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
     foreign = [column for column in there if column not in KNOWN_COLUMNS]
     either = [column for column in ("P1_W", "efficiency") if "P1_W" in missing]
     wanted = [column for column in missing if column != "P1_W"]
-    optional = [column for column in OPTIONAL_COLUMNS if column not in there]
+    others = ("P1_W", "efficiency", "kind", *OPTIONAL_COLUMNS)
+    optional = [column for column in others if column not in there and column not in either]
     near = meant(wanted, [*either, *optional], foreign)
     if either and not any(column in near for column in either):
         near |= meant(either[:1], (), [column for column in foreign if column not in near.values()])

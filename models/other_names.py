@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS
+from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS, as_number
 
 _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "ms": 1e-3,
             "min": 60.0, "h": 3600.0}  # fmt: skip
@@ -37,6 +37,7 @@ _ALSO_CALLED = {
     "T_heatsink_C": (
         "heatsink", "heatsink_temperature", "t_hs", "temp_hs", "temphs", "kühlkörper", "kühlkörpertemperatur",
     ),
+    "kind": ("row_kind", "art", "zeilenart"),
     "T_ambient_C": ("ambient", "ambient_temperature", "umgebung", "umgebungstemperatur"),
 }  # fmt: skip
 
@@ -104,7 +105,7 @@ def renamed(raw: pd.DataFrame, names: Sequence[OtherName]) -> pd.DataFrame:
             raise OtherNameError(f"column {name.ours!r} is there already, beside {name.theirs!r}")
         values = raw[name.theirs]
         if name.factor != 1.0:
-            number = pd.to_numeric(values, errors="coerce")
+            number = as_number(values)
             values = (number * name.factor).astype(object).where(number.notna(), values)
         frame = frame.assign(**{name.ours: values})
     return frame

@@ -27,6 +27,7 @@ NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overra
 KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 is a power written in kW
 ABSOLUTE_ZERO_C = -273.15
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
+MOST_APART_S = 86_400.0  # between rows of a campaign: more are milliseconds
 TIMES_OF_DAY = ("2026-11-20T22:14:05", "20.11.2026 22:14:05", "22:14:05")
 _NOT_AMPERES = 1.5  # times: more than any ripple or error of an instrument, and less than any other unit
 DISAGREEMENT = 0.005  # of efficiency against P2/P1: more than the rounding of printed powers explains
@@ -132,15 +133,38 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
         raw, notes = _counted_from_the_start(raw)
     for column in NUMERIC_COLUMNS:
         if column in raw:
-            frame[column] = pd.to_numeric(raw[column], errors="coerce").astype(np.float64)
+            frame[column] = as_number(raw[column])
         elif column in CORE_COLUMNS:
             frame[column] = np.nan
         if column in raw and column in OPTIONAL_COLUMNS:
             notes += _blank(frame, raw, column)
     notes += [note for port in ("1", "2") for note in _check_current(frame, port)]
+    notes += [*_not_read(frame, raw, "P1_W", "efficiency"), *_not_read(frame, raw, "efficiency", "P1_W")]
     kind = raw["kind"] if "kind" in raw else pd.Series("load", index=raw.index)
     frame["kind"] = kinds(kind)
     return frame, tuple(notes)
+
+
+def as_number(given: pd.Series) -> pd.Series:
+    """A column as float64, NaN where there is no number; a sign of per cent behind a number is none of its own."""
+    if given.dtype == object or pd.api.types.is_string_dtype(given):
+        given = given.astype(object).where(given.notna(), None)
+        given = given.map(lambda said: said.strip().removesuffix("%") if isinstance(said, str) else said)
+    return pd.to_numeric(given, errors="coerce").astype(np.float64)
+
+
+def _not_read(frame: pd.DataFrame, raw: pd.DataFrame, column: str, other: str) -> list[str]:
+    """That values of one of the two columns which tell the loss are no numbers, where the other one stands in."""
+    if not {column, other} <= set(raw):
+        return []
+    lost = frame[column].isna() & raw[column].notna() & frame[other].notna() & frame["P2_W"].notna()
+    if not lost.any():
+        return []
+    first = int(np.flatnonzero(lost)[0])
+    count, value = f"{int(lost.sum())} of {len(frame)}", raw[column].iloc[first]
+    return [
+        f"{column}: {count} values are no numbers (row {first + 1}: {value}); taken from {other} and P2_W there"
+    ]
 
 
 def kinds(given: pd.Series) -> pd.Series:
@@ -151,17 +175,35 @@ def kinds(given: pd.Series) -> pd.Series:
 
 def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """The table with times of day, or seconds of a clock, as seconds since its earliest row."""
-    given = pd.to_numeric(raw["time_s"], errors="coerce")
-    what = "the seconds of a clock"
+    given, what = as_number(raw["time_s"]), "the seconds of a clock"
+    if pd.api.types.is_datetime64_any_dtype(raw["time_s"]):
+        given = given.mask(given.notna())  # nanoseconds of a calendar
     if given.isna().all() and raw["time_s"].notna().any():
         times = _times_of_day(raw["time_s"])
         given, what = (times - times.min()).dt.total_seconds(), "times of day"
         if given.isna().all():
             return raw, [f"time_s: allowed are seconds, or times of day like {', '.join(TIMES_OF_DAY)}"]
+    elif (wrong := _no_seconds(given)) is not None:
+        return raw.assign(time_s=np.nan), [wrong]
     elif not (given.min() < 0 or given.min() > LONGEST_S):
         return raw, []
     said = f"time_s: {what} (the first row's is {raw['time_s'].iloc[0]}), taken as seconds since the earliest"
     return raw.assign(time_s=(given - given.min()).where(given.notna(), raw["time_s"])), [said]
+
+
+def _no_seconds(given: pd.Series) -> str | None:
+    """Why times (N,) cannot be seconds; None where they may be: rows of a campaign follow each other within a day."""
+    moments = np.unique(given.dropna())
+    if moments.size < 2:
+        one = f"reads {moments[0]:g} in all rows" if moments.size and len(given) > 1 else ""
+        return f"time_s: {one}: time does not go on, so it is left empty" if one else None
+    apart_s = float(np.median(np.diff(moments)))
+    if apart_s < MOST_APART_S:
+        return None
+    return (
+        f"time_s: rows are {apart_s:g} s apart (median), more than a day, so it is left empty; if these are "
+        f"milliseconds, {_in_factor('time_s', '0.001')}"
+    )
 
 
 def _times_of_day(given: pd.Series) -> pd.Series:
@@ -230,8 +272,10 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
 
     def reject(rows: pd.Series, column: str, reason: str) -> None:
         for row in np.flatnonzero(rows):
-            value = raw[column].iloc[row] if column in raw else frame[column].iloc[row]
-            reasoned = RejectedRow(row=int(row) + 1, column=column, value=str(value), reason=reason)
+            no_input = column == "P1_W" and "P1_W" not in raw
+            there = "efficiency" if no_input and "efficiency" in raw else column
+            value = raw[there].iloc[row] if there in raw else frame[there].iloc[row]
+            reasoned = RejectedRow(row=int(row) + 1, column=there, value=str(value), reason=reason)
             rejected.setdefault(int(row), reasoned)
 
     reject(~frame["kind"].isin(KINDS), "kind", f"unknown kind; allowed are {', '.join(KINDS)}")

@@ -347,3 +347,54 @@ def test_cells_that_are_missing_are_told_as_missing(tmp_path):
     (tmp_path / "m.csv").write_text("D1,D2,P2_W,P1_W\n0\n,0")
     with pytest.raises(DatasetError, match=r"none of 2 rows can be used; row 1 \(line 2\), D2 = nan"):
         load_measurements(tmp_path / "m.csv")
+
+
+def efficiencies(**columns: object) -> pd.DataFrame:
+    """Three rows that can be, with other columns."""
+    good = {"D1": [0.9, 0.8, 0.7], "D2": 0.1, "P2_W": [500.0, 600.0, 700.0], "efficiency": [0.97, 0.96, 0.95]}
+    return pd.DataFrame({**good, **columns})
+
+
+def test_input_powers_that_are_no_numbers_are_said_where_efficiency_stands_in() -> None:
+    read = load_measurements(efficiencies(P1_W=["515 W", None, "737"]))
+    assert read.notes == (
+        "P1_W: 1 of 3 values are no numbers (row 1: 515 W); taken from efficiency and P2_W there",
+    )
+
+
+def test_an_efficiency_with_a_sign_of_per_cent_is_told_how_to_be_converted() -> None:
+    signed = efficiencies(efficiency=["97 %", "96 %", "95%"])
+    with pytest.raises(DatasetError, match=r"efficiency = 97 %: this looks like per cent.*efficiency\*0.01"):
+        load_measurements(signed)
+    read = load_measurements(signed, [OtherName.parse("efficiency=efficiency*0.01")])
+    assert read.frame["efficiency"].tolist() == pytest.approx([0.97, 0.96, 0.95])  # to rounding
+
+
+def test_a_missing_efficiency_is_called_so_where_there_is_no_input_power() -> None:
+    with pytest.raises(DatasetError, match="efficiency = n/a: neither P1_W nor efficiency"):
+        load_measurements(efficiencies(efficiency="n/a"))
+
+
+@pytest.mark.parametrize(
+    ("time_s", "says"),
+    [
+        (7.0, "reads 7 in all rows: time does not go on"),
+        ([0.0, 180_000.0, 360_000.0], r"180000 s apart \(median\).*time_s\*0.001"),
+    ],
+)
+def test_times_that_are_none_are_left_empty_and_said(time_s: object, says: str) -> None:
+    read = load_measurements(efficiencies(time_s=time_s))
+    assert any(re.search(says, note) for note in read.notes)
+    assert read.frame["time_s"].isna().all()
+
+
+def test_times_of_a_calendar_and_an_index_with_a_name_are_columns() -> None:
+    when = pd.date_range("2026-11-20 22:14", periods=3, freq="3min", name="time_s")
+    read = load_measurements(efficiencies().set_index(when))
+    assert read.frame["time_s"].tolist() == [0.0, 180.0, 360.0]
+
+
+def test_what_is_known_in_other_letters_is_asked_for() -> None:
+    read = load_measurements(efficiencies(KIND="load", T_HEATSINK_C=30.0))
+    assert '--column "kind=KIND"' in read.notes[0]
+    assert '--column "T_heatsink_C=T_HEATSINK_C"' in read.notes[0]
