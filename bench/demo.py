@@ -6,7 +6,7 @@ optimum, extend the model. What was hidden is looked at only after the verdict i
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ import pandas as pd
 from bench.campaign import CampaignOutcome, Job, Surroundings, measurement_table, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
 from bench.demo_beside import LOADS_W, carried_loads, diagnosed, simulated_grid, unseen_points
-from bench.model_file import write_model
+from bench.model_file import rests_on, write_model
 from bench.processes import pool_of
 from bench.progress import Progress
 from bench.store import Store
@@ -136,8 +136,9 @@ def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) 
         say("measuring the optimum over load")
         with watch.step("campaign"):
             verification = _campaign(_optimum_campaign(optimum, plan.seed), bench, store, clock, progress)
-        write_model(plan.out / "model.toml", diagnosis.extended)
         plain = diagnosis.as_plain(str(plan.out / "model.toml"))
+        source = f"campaign {outcome.campaign_id}"
+        write_model(plan.out / "model.toml", diagnosis.extended, rests_on(plain, measured, source))
         store.add_diagnosis(plain, campaign_id=outcome.campaign_id)
         say("verdict stored; now looking at what was hidden")
         hidden = plant.laboratory.hidden
@@ -249,12 +250,11 @@ def judged(models: Mapping[str, EfficiencyModel], lab: Laboratory, p: Points) ->
 
 
 def was_found(diagnosis: Mapping[str, Any], hidden: Mapping[str, float]) -> bool:
-    """The hidden effect is the first named cause or in the stated group; with nothing hidden: none is named."""
+    """Whether every hidden effect is named or in a stated group; with nothing hidden: whether nothing is stated."""
     if not hidden:
         return bool(diagnosis["verdict"] == "consistent")
-    named = [cause["effect"] for cause in diagnosis["causes"][:1]] if diagnosis["verdict"] == "named" else []
-    stated: Sequence[str] = [*named, *(name for group in diagnosis["groups"] for name in group)]
-    return all(name in stated for name in hidden)
+    stated = {*diagnosis["named"], *(name for group in diagnosis["groups"] for name in group)}
+    return stated >= set(hidden)
 
 
 def _beside_simulation(measured: Table) -> Table:

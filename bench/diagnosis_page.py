@@ -10,7 +10,8 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from bench import charts, diagnosis_charts
-from bench.report import diagnosis_actions, environment, rows_left_out
+from bench.questions import diagnosis_actions
+from bench.report import environment, rows_left_out
 from bench.so_far import so_far_text
 from bench.wording import (
     channel_name,
@@ -26,9 +27,9 @@ from bench.wording import (
 )
 from sim.effects.catalogue import effect
 
-_KURTOSIS, _AUTOCORRELATION = 1.5, 0.3  # above which the noise is said to have tails, or a memory
+_KURTOSIS, _AUTOCORRELATION = 3.0, 0.3  # above which the noise is said to have tails, or a memory
 # What normal noise reaches of either at two sigma, times the root of the differences' number
-_BY_CHANCE = (10.0, 4.0)
+_BY_CHANCE = (20.0, 4.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,18 +1,25 @@
-"""model.toml: a simulation model (a converter, its modulation, effects with their values) as an operator's file."""
+"""model.toml: a simulation model (a converter, its modulation, effects with their values) as an operator's file.
+
+One that a diagnosis has extended says beside it, in a table ``diagnosis``, what the effects rest on. Nothing that
+simulates goes by that.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 from bench.errors import BenchError, InputError, Problem
 from bench.toml_file import line_of, read_toml, to_toml
 from bench.whole_file import write_whole
-from models.registry import ModelRecord
+from models.registry import ModelRecord, data_hash
 from sim.converter_data import ConverterDataError, converter_from_plain, converter_to_plain
 from sim.model import Model
 from sim.parameters import Converter, ParameterError
 from sim.prototype import prototype
 
-KEYS = ("converter", "modulation", "effects")
+KEYS = ("converter", "modulation", "effects", "diagnosis")
 _NAMED = 3  # values in which two converters differ
 
 
@@ -75,9 +82,33 @@ def _flat(plain: Mapping[str, object], before: str = "") -> dict[str, object]:
     return found
 
 
-def write_model(path: Path, model: Model) -> None:
-    """Write a model; :func:`read_model` gives it back."""
-    write_whole(path, to_toml(model.as_plain()))
+def write_model(path: Path, model: Model, diagnosis: Mapping[str, Any] | None = None) -> None:
+    """Write a model, and what it rests on where a ``diagnosis`` extended it; :func:`read_model` reads the model."""
+    beside = {} if diagnosis is None else {"diagnosis": diagnosis}
+    write_whole(path, to_toml(model.as_plain() | beside))
+
+
+def rests_on(diagnosis: Mapping[str, Any], measured: pd.DataFrame, source: str) -> dict[str, Any]:
+    """What the effects of an extended model rest on: the table that was ``measured``, the verdict, and the evidence.
+
+    ``diagnosis`` is the JSON answer. The value of an effect is the model's own, inside the interval given here.
+    """
+    causes = {
+        cause["effect"]: {
+            "probability": cause["probability"],
+            "tied_with": cause["tied_with"],
+            **{f"{p['name']}_ci95": p["ci95"] for p in cause["parameters"] if p["ci95"]},
+        }
+        for cause in diagnosis["causes"]
+    }
+    return {
+        "source": source,
+        "data_sha256": data_hash(measured),
+        "points": diagnosis["points"],
+        "verdict": diagnosis["verdict"],
+        "unknown_probability": diagnosis["unknown"]["probability"],
+        "causes": causes,
+    }
 
 
 def _converter(

@@ -16,9 +16,9 @@ from plotly.offline import get_plotlyjs
 
 from bench import charts
 from bench.bands import loaded_rows
+from bench.questions import diagnosis_actions
 from bench.wording import (
     MODEL_NAMES,
-    SHOWN,
     action_text,
     added_power,
     channel_name,
@@ -34,7 +34,6 @@ from bench.wording import (
     probability_text,
     probable_causes,
     size_text,
-    suspected,
     unbroken,
     unexplained_text,
     verdict_class,
@@ -43,23 +42,7 @@ from bench.wording import (
 )
 from sim.effects.catalogue import effect
 
-_WORSE = 1.2  # times as far off: a cause that shows in other channels leaves efficiency nearly as it was
-_BEHIND = {
-    "input": "what comes before the ac link: supply wiring, dc link, primary bridge, the analyzer's input element",
-    "ac link": "what carries the ac link's current: inductor, transformer, their contacts",
-    "output": "what comes behind the transformer: secondary bridge, output capacitors, wiring, the output element",
-    "timing": "the gates: D1 as applied, dead times, delays between the bridges",
-    "ac elements": "the probes and wiring of the analyzer's elements 3 and 4",
-    "over time": "what changed in the course of the campaign: room, supply, instruments",
-    "gain over time": "what changes the analyzer's gain in the course of the campaign: its room, its warm-up",
-}  # a leftover's place: what of the bench is there
 _SWITCH_OFF = "Switch the bench off by hand and check it: power-off was not confirmed."
-NOT_YET = "Change nothing yet: the tolerances of parts and instruments may still explain what the simulation misses."
-AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
-STEPS_SHOWN = 3  # of what to measure next, among what to do
-ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
-LIKELY = 0.5  # from which a cause's value is doubted where it is as large as is searched, and a leftover looked for
-_NEAR_AN_END = 1e-3  # of the range that is searched
 OPTIMUM = ["P_W", "D1", "D2", "predicted", "measured"]
 TEMPLATES = Path(__file__).with_name("templates")
 
@@ -139,131 +122,6 @@ def actions(data: ReportData) -> list[str]:
     """What to do now, the most urgent first."""
     off = () if data.power_off.get("confirmed") else (_SWITCH_OFF,)
     return [*off, *diagnosis_actions(data.diagnosis)]
-
-
-def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
-    """What to make sure of before any cause is checked."""
-    asked = (
-        _question_of_the_model(diagnosis),
-        _only_with_spreads(diagnosis),
-        _question_of_rows(diagnosis),
-        _where_to_look(diagnosis),
-    )
-    return [question for question in asked if question]
-
-
-def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
-    """What to ask first where nothing known explains the gap, or a cause does so badly; else empty.
-
-    A model file of another converter, or a column in another unit, does either.
-    """
-    reasons = [
-        f"{effect_name(cause['effect'])} is as far off as is searched ({parameter_text(cause['parameters'][0])})"
-        for cause in probable_causes(diagnosis, LIKELY)
-        if cause.get("parameters") and _at_an_end(cause["effect"], float(cause["parameters"][0]["value"]))
-    ]
-    if (worse := extension_worse(diagnosis)) and not spreads_make_good(diagnosis):
-        reasons.append(f"{worse}, so the extended model is not to be used")
-    left = float((diagnosis.get("unknown") or {}).get("probability", 1.0)) >= SHOWN
-    if not reasons and diagnosis.get("verdict") == "unknown" and left and not _alike(diagnosis):
-        reasons = ["no known cause explains all of the gap"]
-    if not reasons:
-        return ""
-    return (
-        "Make sure first that the model describes the converter that was measured, and that every column is in its "
-        f"unit: {join(reasons)}."
-    )
-
-
-def extension_worse(diagnosis: Mapping[str, Any]) -> str:
-    """That the named causes surely predict held-out rows worse than the simulation did without them; else empty."""
-    gain = diagnosis.get("gain")
-    if not gain or gain["ci95"][1] >= 0 or gain["after"] < _WORSE * gain["before"]:
-        return ""
-    least, most = sorted(-bound for bound in gain["ci95"])
-    return (
-        f"held-out rows are {points_text(gain['after'])} points off with what is named, "
-        f"{points_text(gain['before'])} without ({points_text(least)} to {points_text(most)} points worse, 95 %)"
-    )
-
-
-def spreads_make_good(diagnosis: Mapping[str, Any]) -> bool:
-    """Whether what is named predicts held-out rows better once everyday spreads are fitted beside it, and no leftover
-    has to be there for that: a leftover would hide the error of a wrong name as well."""
-    gain, unknown = diagnosis.get("gain"), diagnosis.get("unknown") or {}
-    surely_better = float((gain or {}).get("calibrated_ci95", (0.0, 0.0))[0]) > 0
-    return surely_better and float(unknown.get("probability", 0.0)) < LIKELY
-
-
-def _only_with_spreads(diagnosis: Mapping[str, Any]) -> str:
-    """That the extended model lacks what a named cause is right beside; empty where it predicts no worse."""
-    worse = extension_worse(diagnosis)
-    if not worse or not spreads_make_good(diagnosis):
-        return ""
-    fitted = points_text(diagnosis["gain"]["calibrated"])
-    return (
-        f"Do not predict efficiency with the extended model: {worse}, but {fitted} with the everyday spreads of parts "
-        "and instruments fitted beside it. In efficiency those spreads cancel what is named, which this does not speak "
-        "against; d2ea train keeps a calibrated model, which holds both."
-    )
-
-
-def _question_of_rows(diagnosis: Mapping[str, Any]) -> str:
-    """What to ask where some rows stand out that are no outliers; else empty."""
-    rows = _alike(diagnosis)
-    if not rows:
-        return ""
-    said = join([f"row {row['row']} ({row['watts']:+.2f} W)" for row in rows[:STEPS_SHOWN]])
-    more = f" and {counted(len(rows) - STEPS_SHOWN, 'more row')}" if len(rows) > STEPS_SHOWN else ""
-    return (
-        f"Measure again what stands out: {said}{more}. The powers at the input and before the link miss the same "
-        "there, which noise does not do. If it repeats, the converter does it; if not, something else had changed."
-    )
-
-
-def _where_to_look(diagnosis: Mapping[str, Any]) -> str:
-    """Which parts of the bench can lose what no cause explains; empty where the channels do not tell the place."""
-    unknown = diagnosis.get("unknown") or {}
-    places = _BEHIND.get(str(unknown.get("location", "")).split(", ")[0], "")
-    told = {"P_link1_W", "D0"} & set(diagnosis.get("channels") or ())
-    if not (places and told) or unknown.get("probability", 0.0) < LIKELY:
-        return ""
-    return f"Look for what no cause explains in {places}."
-
-
-def _alike(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return list((diagnosis.get("unknown") or {}).get("rows") or ())
-
-
-def _at_an_end(name: str, value: float) -> bool:
-    """Whether an effect's value is where the search for it ends."""
-    head = effect(name).headline
-    near = _NEAR_AN_END * (head.upper - head.lower)
-    return min(value - head.lower, head.upper - value) <= near
-
-
-def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
-    """What a diagnosis asks for, the most urgent first."""
-    todo = first_questions(diagnosis)
-    todo += [
-        f"Check {effect_name(cause['effect'])}: {check}."
-        for cause in probable_causes(diagnosis, ASKED_AFTER)
-        if (check := cause.get("check"))
-    ]
-    for step in list(diagnosis.get("next") or ())[:STEPS_SHOWN]:
-        told = join([effect_name(name) for name in step.get("separates") or ()])
-        minutes = f" (about {step['minutes']:.3g} min)" if step.get("minutes") is not None else ""
-        repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
-        todo.append(
-            f"Measure next: {action_text(str(step['action'])).removeprefix('measure ')}{repeats}{minutes}"
-            + (f", to settle {told}." if told else ".")
-        )
-    if diagnosis.get("model") and diagnosis.get("verdict") == "named" and not extension_worse(diagnosis):
-        todo.append(f"Simulate with the extended model from now on: {diagnosis['model']}.")
-    if diagnosis.get("verdict") == "consistent":
-        first = NOT_YET if suspected(diagnosis) else AGREES
-        todo.insert(0, f"{first} What follows would make sure." if todo else first)
-    return todo
 
 
 def rows_left_out(diagnosis: Mapping[str, Any]) -> str:

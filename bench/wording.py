@@ -225,6 +225,8 @@ def parameter_text(parameter: Mapping[str, Any]) -> str:
     'relative error −40 % (95 %: −45 to +5)'
     >>> parameter_text({"name": "resistance_Ohm", "value": 0.0571, "ci95": [0.0443, 0.07]})
     'resistance 57 mΩ (95 %: 44 to 70)'
+    >>> parameter_text({"name": "resistance_Ohm", "value": 0.15, "ci95": [0.14, 0.16], "off": 0.05})
+    'resistance 150 mΩ (95 %: 140 to 160; the model has 50 mΩ)'
     """
     name, value = str(parameter["name"]), float(parameter["value"])
     label = next((name.removesuffix("_" + end) for end in _UNITS if name.endswith("_" + end)), name)
@@ -235,7 +237,9 @@ def parameter_text(parameter: Mapping[str, Any]) -> str:
     if len(bounds) != 2:
         return minus(said)
     low, high = (f"{bound * scale:{form}}" for bound in bounds)
-    return minus(f"{said} (95 %: {low} to {high})")
+    off = float(parameter.get("off", 0.0))
+    has = f"; the model has {off * scale:{sign}.3g}{unit}" if off else ""
+    return minus(f"{said} (95 %: {low} to {high}{has})")
 
 
 def _decimals(width: float) -> int:
@@ -329,8 +333,7 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
 
     >>> verdict_text({"verdict": "group", "groups": [["fan_step", "auxiliary_power"]]})
     'fan power step or auxiliary power: these data cannot tell which'
-    >>> beside = {"verdict": "named", "unknown": {"probability": 0.8}}
-    >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 1.0}]})
+    >>> verdict_text({"verdict": "named", "named": ["dead_time"], "unknown": {"probability": 0.8}})
     'Cause named beside something unknown (80.0 %): dead time'
     >>> suspected = {"verdict": "consistent", "consistent": {"probability": 0.25}}
     >>> verdict_text(suspected | {"causes": [{"effect": "dead_time", "probability": 0.7}]})
@@ -343,10 +346,8 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     'Something is wrong: dead time (60.0 %) is suspected, but may be no further off than parts are'
     """
     verdict = str(diagnosis.get("verdict", "unknown"))
-    causes = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.5)]
-    groups = diagnosis.get("groups") or ()
-    named = [name for name in causes if not any(name in group for group in groups)]
-    tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups or (causes,))
+    named, groups = diagnosis.get("named") or (), diagnosis.get("groups") or ()
+    tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups)
     leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
     unknown = f"something unknown ({probability_text(leftover)})" if leftover >= 0.5 else ""
     if verdict == "named" and named:

@@ -17,8 +17,8 @@ from bench.commands.streams import err, out, stamp
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
 from bench.imported import frequencies_by_import, left_out_by_import, left_out_text
-from bench.model_file import model_from, write_model
-from bench.report import first_questions
+from bench.model_file import model_from, rests_on, write_model
+from bench.questions import first_questions
 from bench.so_far import measured_so_far, so_far_text
 from bench.table_file import write_table
 from bench.whole_file import write_whole
@@ -77,6 +77,8 @@ def diagnose(
     check_folder(out_dir, "--out")
     if json_file is not None:
         check_folder(json_file.parent, "--json")
+        if json_file.is_dir():
+            raise InputError.of("command line", "--json", str(json_file), "a folder; name the file to write")
     unknown = known_effects(without or ())
     table, campaign_id, virtual = measured(data, db)
     where = data if campaign_id is None else f"campaign {data}"
@@ -99,8 +101,8 @@ def diagnose(
         raise InputError.of(where, "rows", None, f"{error}; {asked}") from error
     except ImplausibleTable as error:
         raise InputError.of(where, "columns", None, str(error)) from error
-    write_model(out_dir / "model.toml", found.extended)
     plain = found.as_plain(str(out_dir / "model.toml")) | _before(campaign_id, db)
+    write_model(out_dir / "model.toml", found.extended, rests_on(plain, table.frame, where))
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
         write_whole(path, text)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Any, Self
 
-SURE = 0.95
 NO_ANSWER = "no answer"
 
 
@@ -37,10 +36,11 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """The verdict, the ranked causes, and the tied groups; ``refused`` says why there was no answer."""
+    """The verdict, the ranked causes, the named ones, and the tied groups; ``refused`` says why there was no answer."""
 
     verdict: str
     causes: tuple[Cause, ...] = ()
+    named: tuple[str, ...] = ()
     groups: tuple[tuple[str, ...], ...] = ()
     unknown: float | None = None
     cpu_s: float = 0.0
@@ -52,6 +52,7 @@ class Answer:
         return cls(
             verdict=plain["verdict"],
             causes=tuple(Cause.of(cause) for cause in plain["causes"]),
+            named=tuple(plain["named"]),
             groups=tuple(tuple(group) for group in plain["groups"]),
             unknown=plain["unknown"]["probability"],
             cpu_s=cpu_s,
@@ -62,7 +63,7 @@ class Answer:
         """An answer read back from a journal."""
         causes = tuple(Cause(**cause) for cause in plain["causes"])
         groups = tuple(tuple(group) for group in plain["groups"])
-        return cls(**{**plain, "causes": causes, "groups": groups})
+        return cls(**{**plain, "causes": causes, "named": tuple(plain["named"]), "groups": groups})
 
     @property
     def first(self) -> str | None:
@@ -70,28 +71,14 @@ class Answer:
         return self.causes[0].effect if self.causes else None
 
     @property
-    def named(self) -> tuple[str, ...]:
-        """The causes that are named: the first of a verdict ``named``, and whatever else is as sure and in no group."""
-        if self.verdict not in ("named", "group"):
-            return ()
-        tied = {name for group in self.groups for name in group}
-        sure = tuple(c.effect for c in self.causes if c.probability >= SURE and c.effect not in tied)
-        return sure if sure or self.verdict == "group" else (self.causes[0].effect,)
-
-    @property
     def stated(self) -> tuple[str, ...]:
         """All effects that the verdict stands for: named ones, and members of a stated group."""
-        if self.verdict not in ("named", "group"):
-            return ()
-        tied = [name for group in self.groups for name in group if self.verdict == "group"]
-        return tuple(dict.fromkeys((*self.named, *tied)))
+        return tuple(dict.fromkeys((*self.named, *(name for group in self.groups for name in group))))
 
     def misnames(self, hidden: tuple[str, ...]) -> bool:
         """Something is said that is not there: a named cause, or a group without any of what is hidden."""
-        groups = self.groups if self.verdict == "group" else ()
-        return any(name not in hidden for name in self.named) or any(
-            not set(group) & set(hidden) for group in groups
-        )
+        groups_without = any(set(group).isdisjoint(hidden) for group in self.groups)
+        return groups_without or any(name not in hidden for name in self.named)
 
     def cause(self, effect: str) -> Cause | None:
         """The entry of one effect, if it is listed."""

@@ -57,16 +57,16 @@ def reliability(stated: Sequence[tuple[float, bool]]) -> tuple[Table, int]:
 
 def _coverage(run: Run) -> Outcome:
     scored = run.scored(coverage, COVERAGES)
-    # as many labs with nothing in them as the prior has: one for each with something
-    empty = [s for s in run.scored(nothing, NOTHINGS) if s.trial.noise == ORDINARY][: len(scored)]
+    empty = [s for s in run.scored(nothing, NOTHINGS) if s.trial.noise == ORDINARY]
+    as_many = min(len(scored), len(empty))  # the prior has one lab with nothing in it for each with something
     held = intervals(scored)
-    table, off = reliability(statements([*scored, *empty]))
+    table, off = reliability(statements([*scored[:as_many], *empty[:as_many]]))
     goals = (
         held.goal("coverage: 95 % intervals hold the value, at least", 93.0, at_least=True),
         held.goal("coverage: 95 % intervals hold the value, at most", 97.0, at_least=False),
         Goal(name="coverage: reliability bins off", value=off, bar=0, at_least=False),
     )
-    said = f"reliability: {len(scored)} labs with effects from the prior and {len(empty)} with none"
+    said = f"reliability: {as_many} labs with effects from the prior and as many with none"
     return Outcome(goals=goals, tables=(table,), notes=(*notes("coverage", scored), said))
 
 

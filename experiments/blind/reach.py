@@ -29,13 +29,14 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from drivers.mocks.lab.hidden import EVERYDAY, HIDDEN, hide
-from drivers.mocks.lab.instruments import FACTOR, GAIN, OFFSET_A, OFFSET_W
+from drivers.mocks.lab.instruments import FACTOR, GAIN, OFFSET_A, OFFSET_W, TEMPERATURE_OFFSET_K
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import SUPPLY_V, Schedule, Settled, schedule, settle, survey
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.operating_points import Points
+from sim.prototype import prototype
 from sim.simulate import simulate
 from sim.spread import Spread, everyday_spread, shifted_together
 
@@ -333,7 +334,7 @@ def _instruments(base: pd.Series, table: pd.DataFrame) -> list[Array]:
         input_W * value * GAIN[1] / _ROOT_3,
         input_W * SUPPLY_V * OFFSET_A[1] / _ROOT_3,
         loaded * P2_W * GAIN[2] / _ROOT_3,
-        loaded * 140.0 * OFFSET_A[2] / _ROOT_3,
+        loaded * prototype().V2_V * OFFSET_A[2] / _ROOT_3,
     ]
     for element, channel in ((3, "P_link1_W"), (4, "P_link2_W")):
         found += [
@@ -341,7 +342,9 @@ def _instruments(base: pd.Series, table: pd.DataFrame) -> list[Array]:
             _of(base, channel) * OFFSET_W[element] / _ROOT_3,
         ]
     found.append(_of(base, "I_L_rms_A") * value * FACTOR * GAIN[3])
-    return found + [_of(base, sensor) * 0.3 for sensor in CHANNELS if sensor.startswith("T_")]
+    return found + [
+        _of(base, sensor) * TEMPERATURE_OFFSET_K for sensor in CHANNELS if sensor.startswith("T_")
+    ]
 
 
 def _laws(base: pd.Series, table: pd.DataFrame) -> Array:

@@ -130,6 +130,11 @@ class Bench:
         return diagnose(load_measurements(self.table)).as_plain()
 
 
+def decided(answer: Answer) -> bool:
+    """Whether an answer leaves a bench nothing to separate: it names, and states no group. It need not be right."""
+    return answer.verdict == "named" and not answer.groups
+
+
 def settled(trial: BlindTrial, answer: Answer) -> bool:
     """Whether what is hidden is named alone."""
     return answer.named == trial.names and answer.stated == trial.names
@@ -141,14 +146,14 @@ def separated(trial: BlindTrial, answer: Answer) -> bool:
 
 
 def ask_tied(trial: BlindTrial) -> dict[str, Any]:
-    """Diagnose, do what it proposes, ten rows at most, and ask again, until what is hidden is named alone.
+    """Diagnose, do what it proposes, ten rows at most, and ask again, until it names without a group, right or wrong.
 
     Which channel is asked for is what the last answer says.
     """
     bench = Bench.of(trial)
     plain = bench.diagnosed()
     first = plain["verdict"]
-    while not settled(trial, Answer.of(plain, 0.0)) and bench.added < MOST_ROWS:
+    while not decided(Answer.of(plain, 0.0)) and bench.added < MOST_ROWS:
         feasible = [p for p in map(understood, plain["next"]) if p.plan is not None]
         if not feasible:
             break

@@ -1,7 +1,8 @@
 """Names what the simulation gets wrong: from a measurement table to a verdict with evidence.
 
-The order of reading: :mod:`observations` (what was measured, as one vector), :mod:`signatures` (how each effect and
-each everyday spread would move that vector), :mod:`usable` (what of it is gone by), :mod:`noise`, :mod:`covariance`,
-:mod:`evidence` (every hypothesis with its probability), :mod:`verdict`, :mod:`gain`, :mod:`next_measurement`, and
-:mod:`diagnose` that runs them.
+In the order of a run: :mod:`observations` (the table as one vector), :mod:`usable` (which readings count),
+:mod:`signatures` (how each effect and each everyday spread would move them), :mod:`noise`, :mod:`covariance` and
+:mod:`setting` (both fitted to the readings), :mod:`hypotheses`, :mod:`search` and :mod:`refinery` (what explains the
+readings), :mod:`evidence` (with which probability), :mod:`verdict`, and then :mod:`extension`, :mod:`gain` and
+:mod:`next_measurement`. :mod:`diagnose` runs them.
 """

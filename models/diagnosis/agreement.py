@@ -1,9 +1,8 @@
 """Whether readings that were widened as outliers are noise: two elements of the analyzer that miss the same are not.
 
-Noise strikes one reading, and another one of the same row by chance only. What is lost in the ac link is shown by two
-elements, at the input and before the link, and not by the one behind it; a wrong reading of the output's power, at
-which the model runs, by all three. So where both elements ahead of the link miss watts to the same side, against the
-output's power as it was read and against that behind the link, each beyond its own noise, it was the converter.
+Noise strikes one reading, and another one of the same row by chance only. A loss in the ac link shows in P1 and P_link1
+and not in P_link2; a wrong reading of P2, at which the model runs, shows in all three. So where P1 and P_link1 miss the
+same watts, against P2 as it was read and against P_link2, each beyond its own noise, it was the converter.
 """
 
 from dataclasses import dataclass

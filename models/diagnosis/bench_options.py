@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.near_limit import margin
 from models.diagnosis.observations import Channel, Observations
+from sim.effects.catalogue import effect
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import Result, can_run, reference, simulate_many
@@ -16,9 +17,10 @@ Array = NDArray[np.float64]
 SetPoint = tuple[float, float, float]
 
 UNLOADED = ("standby", "no_load")
-_POINT_MIN, _UNLOADED_MIN, _REBUILD_MIN = 4.0, 1.5, 15.0
-_AMBIENT_K, _AMBIENT_MIN = 15.0, 60.0
-_DEAD_TIME_s = 200e-9
+# Assumption: minutes of a point that has to settle, of one without load, of work at an open bench, of a warmer room
+_POINT_MIN, _UNLOADED_MIN, _REBUILD_MIN, _AMBIENT_MIN = 4.0, 1.5, 15.0, 60.0
+_AMBIENT_K = 15.0  # as much as a heater does to a closed bench
+_DEAD_TIME_s = 200e-9  # half as much again as the prototype's
 _SPARE = 0.02  # of the power, beside the margin that a diagnosis keeps from the most that can be carried
 _AXES = (5, 5, 6)  # points over the measured ranges of D1, D2 and power
 _HALVINGS = 6  # of the range of power, on the way to the most that can be carried
@@ -100,6 +102,12 @@ class Options:
     def minutes(self) -> Array:
         """Bench minutes of each, (K,)."""
         return np.array([o.minutes for o in self.what])
+
+    def noisier(self, times: Array) -> "Options":
+        """The same on a bench whose channels are so many times as noisy, (channels,)."""
+        sigma = self.sigma.copy()
+        sigma[: len(self.points)] *= times  # the others are measured without it
+        return replace(self, sigma=sigma)
 
     def take(self, chosen: Sequence[int], channels: Sequence[int]) -> "Options":
         """Some of them, by some of the channels."""
@@ -259,7 +267,7 @@ def _with_elements_swapped(model: Model) -> Model:
     """What is wrong with port 1 then reads the output: the input power appears as wrong the other way."""
     for name in _PORT_1:
         if name in model.effects:
-            head, *_ = values = dict(model.effects[name])
+            head, values = effect(name).headline.name, model.effects[name]
             model = model.with_effect(name, **{**values, head: -values[head]})
     return model
 

@@ -15,13 +15,14 @@ from models.calibration import calibrate
 from models.dataset import Measurements
 from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
+from models.diagnosis.everyday import parts_beyond
 from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.extension import extended, interval
 from models.diagnosis.found import find
 from models.diagnosis.gain import Gain, Readings, Worth
 from models.diagnosis.gap import Added, gap
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.left_out import edge_rows, outliers, rows_left_out
+from models.diagnosis.left_out import not_usable, outliers, rows_left_out
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
     NextMeasurement,
@@ -53,7 +54,9 @@ class Diagnosis:
     """The verdict with everything that it rests on; what causes are worth, what the points can see and what to measure
     next are found when they are asked for.
 
-    ``held_out`` and ``ahead`` are the gains and the next measurements where processes had time for them.
+    ``parts`` are those that what is stated needs further off than they are on any bench, in sigmas.
+    ``held_out`` and ``ahead`` are the gains and the next measurements where they were worked out side by side already;
+    None where they are worked out once asked for.
     """
 
     verdict: Verdict
@@ -68,6 +71,7 @@ class Diagnosis:
     refinery: Refinery
     unexplained: Unexplained | None
     alike: list[Confirmed]
+    parts: dict[str, float]
     extended: Model
     leading: Fit
     sigma: Array
@@ -124,7 +128,7 @@ class Diagnosis:
         return table
 
     def as_plain(self, model_file: str | None = None, *, ahead: bool = True) -> dict[str, Any]:
-        """The JSON answer, schema 1; without ``ahead`` nobody asks what causes are worth or what to measure next."""
+        """The JSON answer, schema 1; without ``ahead`` it has no gain and no next measurements, which take longest."""
         v = self.verdict
         return {
             "schema": 1,
@@ -134,10 +138,12 @@ class Diagnosis:
             "gap": self.gap,
             "consistent": {"probability": v.consistent_probability},
             "causes": [self._cause(c) for c in v.causes],
+            "named": list(v.named),
             "groups": [list(g) for g in v.groups],
             "unknown": {"probability": v.unknown_probability, "formula": None}
             | self._unexplained()
             | {"rows": [asdict(row) for row in self.alike]},
+            "parts": [{"part": name, "sigma": sigma} for name, sigma in self.parts.items()],
             "next": [n.as_plain() for n in self.next] if ahead else [],
             "gain": self._gain() if ahead else None,
             "model": model_file,
@@ -296,20 +302,22 @@ def _diagnosed(
         baseline=baseline,
         residual=refinery.residual,
         noise=found.noise,
-        gap=gap(observations, refinery.residual),
-        added={c.effect: Added.by(observations, refinery.residual, c.shift) for c in verdict.causes},
+        gap=gap(observations, refinery.residual, ~setting.outliers),
+        added={
+            c.effect: Added.by(observations, refinery.residual, c.shift, ~setting.outliers)
+            for c in verdict.causes
+        },
         worth=worth,
         rivals=rivals,
         refinery=refinery,
         unexplained=nameless if nameless is not None and nameless.likely else None,
         alike=[replace(c, row=measurements.rows[c.row]) for c in alike if c.sigma > BY_CHANCE],
+        parts=parts_beyond(refinery, chosen) if verdict.stated else {},
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,
         sigma=setting.sigma,
         edge=usable.edge,
-        rejected=rows_left_out(
-            measurements, [*edge_rows(whole, first.observations, observations), *outliers(setting)]
-        ),
+        rejected=rows_left_out(measurements, [*not_usable(whole, first, observations), *outliers(setting)]),
         rejected_columns=usable.rejected_columns,
         held_out=held_out,
         ahead=ahead,

@@ -5,11 +5,12 @@ tell apart share one distance between them in any proportion, and halfway neithe
 bench has both. With w the values and C their covariance, in sigmas of ordinary benches, the nearest state that one
 may have is
 
-.. math:: \min_y\ (y - w)^T C^{-1} (y - w) \quad \text{where} \quad |y| \le 4.1 .
+.. math:: \min_y\ (y - w)^T C^{-1} (y - w) \quad \text{where} \quad |y| \le y_k ,
 
-One value alone gives the line. A part further off than that is a cause by another name: what of a hypothesis needs
-parts beyond the line does not count for it. And a cause within the line is a part by another name: only what is beyond
-counts as a cause, and what is within as the hypothesis without it, where the value has a part's spread for its prior.
+with :math:`y_1 = 4.1`, :math:`y_2 = 5.0`, :math:`y_3 = 5.7` for one, two or three values: one value alone gives the
+line. A hypothesis that needs another part beyond the line loses that share of its probability: such a part is a cause
+by another name. Of a cause only the share beyond the line counts as a cause; the rest counts for the hypothesis without
+it, with the part's spread as prior.
 """
 
 import math
@@ -57,6 +58,20 @@ def log_everyday(refinery: Refinery, fit: Fit, leftover: Leftover | None = None)
     told = np.sum(spreads * solved[:-1], axis=1)
     sigma = np.sqrt(np.clip(1.0 - told, _LEAST_OPEN, 1.0))
     return float(np.sum(log_inside((-line, line), spreads @ solved[-1], sigma)))
+
+
+def parts_beyond(refinery: Refinery, fit: Fit) -> dict[str, float]:
+    """Which parts and instruments an explanation needs further off than any ordinary bench has, and how many sigmas."""
+    spreads, others = refinery.known.spreads, np.ones(len(refinery.known.spreads), dtype=bool)
+    others[fit.own(refinery.known)] = False
+    off = spreads @ refinery.solved(fit)
+    larger = refinery.larger(fit)
+    off[: larger.size] /= larger
+    return {
+        name: float(off[k])
+        for k, name in enumerate(refinery.known.spread_names)
+        if others[k] and abs(off[k]) > EVERYDAY
+    }
 
 
 def share_beyond(term: Term) -> float:

@@ -15,9 +15,9 @@ from models.diagnosis.refinery import Refinery
 Array = NDArray[np.float64]
 
 P_LEFTOVER = 0.2
-_WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
-_WORTH_A_LOOK = 1e-6  # the same for whether its causes are parts by another name
+_WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
+_WORTH_A_LOOK = 1e-6  # probability from which it is asked whether its causes are parts by another name
 _NARROWER = 0.3  # of what causes' own laws are feared to be wrong by, where readings show that they are as good as that
 _VAGUER = 1.5  # times the standard deviation: a value of slopes that are too shallow
 _LEADING = 6  # hypotheses that tell
@@ -67,11 +67,11 @@ def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
 
 
 def _beyond_everyday(refinery: Refinery, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """What of every hypothesis counts where its causes are further off than parts are.
+    """The hypotheses with only that share of each which lies where its causes are further off than parts are.
 
-    What is not further off is a hypothesis of fewer causes, simulated where that part is. It counts as that one if
-    that is more than it has by itself: then its spreads did not find the way. The others have the values of there
-    unless these are much vaguer, as slopes that were not simulated there make them.
+    The rest belongs to the hypothesis without that cause, and is moved there if it exceeds what that one has by itself:
+    then its spreads did not find the way. Its other causes then take their values from here, unless these are much
+    less certain, as slopes that were not simulated make them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
     for k, h in enumerate(hypotheses):

@@ -1,4 +1,4 @@
-"""What a search finds in a table's readings, the rows left out that the cause which leads leaves no power to spare."""
+"""Runs the search, and once more without the rows that the leading cause brings close to the most they can carry."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from models.diagnosis.observations import Observations
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,9 +26,12 @@ class Added:
     share: float
 
     @classmethod
-    def by(cls, observations: Observations, residual: Array, shift: Array) -> Self:
-        """Of a cause whose ``shift`` (M,) is what it adds to the predictions, in the units of the ``residual`` (M,)."""
-        judged = _judged(observations)
+    def by(cls, observations: Observations, residual: Array, shift: Array, counts: Mask) -> Self:
+        """Of a cause whose ``shift`` (M,) is what it adds to the predictions, in the units of the ``residual`` (M,).
+
+        Of the readings that ``counts`` (M,) has.
+        """
+        judged = _judged(observations) & counts
         before = float(np.mean(np.abs(residual[judged])))
         after = float(np.mean(np.abs((residual - shift)[judged])))
         return cls(
@@ -43,9 +47,9 @@ class Added:
         return {"share_of_gap": self.share, "added_W": added_W}
 
 
-def gap(observations: Observations, residual: Array) -> dict[str, Any]:
-    """How far the simulation is off in efficiency and watts, and where it is worst."""
-    judged = _judged(observations)
+def gap(observations: Observations, residual: Array, counts: Mask) -> dict[str, Any]:
+    """How far the simulation is off in efficiency and watts, and where most, among the readings ``counts`` (M,)."""
+    judged = _judged(observations) & counts
     row, watts = observations.row[judged], residual[judged]
     power = np.asarray(observations.points.power_W)[row]
     measured = observations.value[judged]
@@ -65,6 +69,6 @@ def gap(observations: Observations, residual: Array) -> dict[str, Any]:
     }
 
 
-def _judged(observations: Observations) -> NDArray[np.bool_]:
+def _judged(observations: Observations) -> Mask:
     """Which readings are the input power of rows with load, (M,)."""
     return np.asarray(observations.of("efficiency") & observations.loaded[observations.row])

@@ -72,9 +72,15 @@ class Term:
 
     @property
     def beyond_everyday(self) -> bool:
-        """Whether it is surely further off than any ordinary bench has it."""
-        acting, sigma, usual = self.acting
-        return abs(acting) > EVERYDAY * usual + SURELY * sigma
+        """Whether the end of its interval that is nearer to off is further off than any ordinary bench has it.
+
+        That end is asked itself: what acts by its reciprocal is no straight line over the interval.
+        """
+        nearer = self.value - math.copysign(SURELY * self.sigma, self.distance)
+        if (nearer - self.head.off) * self.distance <= 0.0:
+            return False
+        *_, usual = self.acting
+        return abs(self.head.acting(nearer)[0]) > EVERYDAY * usual
 
     @property
     def spread(self) -> float:

@@ -2,16 +2,16 @@ r"""What a cause's own law gets wrong in shape: a smooth error in proportion to 
 
 A cause of value :math:`\theta` moves the readings by s as the simulator has it, and by :math:`s\,(1 + g)` in truth:
 its formula has another exponent, another dependence on temperature or time. g is a Gaussian process, smooth over
-(D1, D2, power) and over time, the same for all that follows from one watt, with a factor of its own for each channel:
+(D1, D2, power) and over time, with a factor of its own for each channel but the first, whose factor is in the value:
 
 .. math:: C' = C + \rho^2 \theta^2 \operatorname{diag}(s_1)\, K \operatorname{diag}(s_1),
 
 :math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
-columns, it widens the covariance of every hypothesis that holds the cause: what a large one leaves then calls for no
-second one. g has no level: that is in the value, whose interval is at least what the law is worth, what its shapes do
-to the value included. Some errors look like another effect: harmonics that lose less than the formula says, like plain
-resistance. The way from the one effect to the other is then one of g's shapes. A reading near a threshold may lie on
-either side of it.
+columns, it is added to the covariance of every hypothesis that holds the cause, so that errors of its formula are not
+taken for a second cause. g has no level: that is in the value, whose interval is at least as wide as the law is
+uncertain, with what g's shapes do to the value included. Some errors look like another effect: harmonics that lose less
+than the formula says, like plain resistance. The way from the one effect to the other is then one of g's shapes. A
+reading near a threshold may lie on either side of it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from models.diagnosis.covariance import locations
 from models.diagnosis.geometry import Directions, Geometry
 from models.diagnosis.leftover import smooth_maps
+from models.diagnosis.lines import Key
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signature
 from models.diagnosis.thresholds import State
@@ -33,12 +34,6 @@ Array = NDArray[np.float64]
 _WIDER = 2.0  # than the correlation lengths of a map: exponents bend over the whole of it
 _OF_TIME = 0.5  # of the campaign
 _DECIDED = 0.07  # of a step: three sigmas from a threshold
-
-Key = tuple[str, tuple[tuple[str, float], ...]]
-
-
-def _key(signature: Signature) -> Key:
-    return signature.effect, tuple(sorted(signature.other.items()))
 
 
 def law_maps(observations: Observations) -> Array:
@@ -126,11 +121,11 @@ class Laws:
     @classmethod
     def of(cls, columns: Iterable[tuple[Signature, Array]], geometry: Geometry) -> Self:
         """The laws of some signatures from their columns (r, M)."""
-        return cls(columns={_key(s): own for s, own in columns}, geometry=geometry)
+        return cls(columns={s.key: own for s, own in columns}, geometry=geometry)
 
     def directions(self, signature: Signature, distance: float) -> Directions | None:
         """The columns for a value at this distance from off; None for an exact law."""
-        key = _key(signature)
+        key = signature.key
         if distance == 0.0 or self.geometry is None or key not in self.columns:
             return None
         if key not in self._found:
@@ -139,7 +134,7 @@ class Laws:
 
     def find(self, signatures: Iterable[Signature]) -> None:
         """Products of these signatures' columns, of all that are not known yet at once."""
-        every = dict.fromkeys(map(_key, signatures))
+        every = dict.fromkeys(s.key for s in signatures)
         keys = [key for key in every if key in self.columns and key not in self._found]
         if keys and self.geometry is not None:
             own = [self.columns[key] for key in keys]

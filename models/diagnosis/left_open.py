@@ -104,12 +104,11 @@ def _of_effects(refinery: Refinery, fit: Fit, there: Signatures, solved: Array) 
     """What the values of a fit's effects leave open, (M, M)."""
     if not fit.terms:
         return 0.0
-    slopes = {(s.effect, *sorted(s.other.items())): s.slope for s in there.effects}
+    slopes = {s.key: s.slope for s in there.effects}
     prior = np.array([[t.head.prior] for t in fit.terms])
     here = prior * np.stack([t.slope for t in fit.terms])
-    keys = [(t.effect, *sorted(t.signature.other.items())) for t in fit.terms]
     nothing = np.zeros(solved.shape[1])
-    beyond = prior * np.stack([slopes.get(key, nothing) for key in keys]) - here @ solved
+    beyond = prior * np.stack([slopes.get(t.signature.key, nothing) for t in fit.terms]) - here @ solved
     inner = np.eye(len(here)) + here @ refinery.geometry.whitener.solve(here.T)
     return np.asarray(beyond.T @ np.linalg.solve(inner, beyond))
 

@@ -1,6 +1,5 @@
 """Rows and single readings that a diagnosis could not use, each with its reason: nothing is left out silently."""
 
-from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
@@ -10,16 +9,11 @@ from models.dataset import Measurements
 from models.diagnosis.near_limit import LEAST_SPARE, margin
 from models.diagnosis.observations import Observations
 from models.diagnosis.setting import Setting
+from models.diagnosis.usable import Usable
 
-_OUTLIER = 6.0  # sigmas: one normal reading in a billion
-
-
-def most_lost_before(measurements: Measurements) -> str:
-    """What the table lost before, and why most of it."""
-    if not measurements.rejected:
-        return ""
-    reason, count = Counter(row.reason for row in measurements.rejected).most_common(1)[0]
-    return f". {len(measurements.rejected)} rows were left out, {count} of them because: {reason}"
+_NOT_PREDICTED = (
+    "with some part within its spread, or some effect, it jumps or is not predicted at all: not used"
+)
 
 
 def rows_left_out(measurements: Measurements, found: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -31,21 +25,33 @@ def rows_left_out(measurements: Measurements, found: Iterable[dict[str, Any]]) -
     return [*impossible, *(row | {"row": measurements.rows[row["row"]]} for row in found)]
 
 
-def edge_rows(whole: Observations, first: Observations, kept: Observations) -> list[dict[str, Any]]:
-    """Places in the frame of rows of which no reading can be used, with the reason.
+def not_usable(whole: Observations, first: Usable, kept: Observations) -> list[dict[str, Any]]:
+    """Places in the frame of rows and single readings that cannot be used, with the reason.
 
-    Of the ``whole``, the ``first`` are what the baseline carries with power to spare, and ``kept`` what the explanation
-    that led then carries, too.
+    Of the ``whole``, the ``first`` is what the baseline carries with power to spare and every variant predicts, and
+    ``kept`` what the explanation that led then carries, too.
     """
-    reasons = {int(row): _near(margin(whole)) for row in np.setdiff1d(whole.row, first.row)}
+    reasons = {int(row): _near(margin(whole)) for row in np.unique(first.edge.row)}
     reasons |= {
         int(row): _near(LEAST_SPARE, " beside the first explanation")
-        for row in np.setdiff1d(first.row, kept.row)
+        for row in np.setdiff1d(first.observations.row, kept.row)
     }
-    return [
+    rows = [
         {"row": row, "column": "P2_W", "value": float(whole.frame.iloc[row]["P2_W"]), "reason": reason}
         for row, reason in sorted(reasons.items())
     ]
+    o = first.unpredicted
+    return rows + [_reading(o, k, _NOT_PREDICTED) for k in range(o.value.size)]
+
+
+def _reading(observations: Observations, place: int, reason: str) -> dict[str, Any]:
+    """A single reading by its place in the frame."""
+    return {
+        "row": int(observations.row[place]),
+        "column": observations.channels[observations.channel[place]].column,
+        "value": float(observations.value[place]),
+        "reason": reason,
+    }
 
 
 def _near(margin: float, beside: str = "") -> str:
@@ -60,11 +66,8 @@ def outliers(setting: Setting) -> list[dict[str, Any]]:
     """Single readings, by their places in the frame, that nothing smooth explains: they count for next to nothing."""
     o = setting.refinery.observations
     return [
-        {
-            "row": int(o.row[k]),
-            "column": o.channels[o.channel[k]].column,
-            "value": float(o.value[k]),
-            "reason": f"{setting.far_off[k]:.0f} sigma from what explains the other rows: it counts for nothing",
-        }
-        for k in np.flatnonzero(setting.far_off > _OUTLIER)
+        _reading(
+            o, k, f"{setting.far_off[k]:.0f} sigma from what explains the other rows: it counts for nothing"
+        )
+        for k in np.flatnonzero(setting.outliers).tolist()
     ]

@@ -159,7 +159,8 @@ def _over_time(observations: Observations, used: NDArray[np.intp]) -> Iterable[t
             IN_TIME,
             np.concatenate([_TREND * _levels(observations, used), trends(slow), smooth_maps(slow)]),
         )
-        yield GAIN_IN_TIME, smooth_maps(time_s / (np.median(np.diff(time_s[:, 0])) * _NEIGHBOURS))
+        step_s = np.median(np.diff(np.unique(time_s)))
+        yield GAIN_IN_TIME, smooth_maps(time_s / (step_s * _NEIGHBOURS))
 
 
 def _together(present: Collection[str]) -> dict[str, tuple[str, ...]]:

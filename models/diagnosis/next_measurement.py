@@ -30,6 +30,7 @@ from models.diagnosis.bench_options import (
     Options,
     SetPoint,
     bench_options,
+    usual_sigma,
     with_room,
 )
 from models.diagnosis.evidence import Hypothesis
@@ -165,6 +166,8 @@ def next_measurements(
     if refinery is not None and allowed.set_points is None:
         again = _again(refinery, rivals)
     options = bench_options(observations, [r.model for r in rivals], CHANNELS, allowed, again, like)
+    if refinery is not None:
+        options = options.noisier(_noisier_than_usual(refinery))
     everything = _Race.of(options, rivals, refinery)
     present = [k for k, c in enumerate(CHANNELS) if c in observations.channels]
     steps, reached = everything.among(range(len(options.what)), present).steps(most, allowed)
@@ -182,6 +185,17 @@ def next_measurements(
         measured = np.unique(observations.row).size
         steps += everything.of_pairs(tied).missing(rows, absent, most, measured, told)
     return steps
+
+
+def _noisier_than_usual(refinery: Refinery) -> Array:
+    """How many times the usual noise a reading of each of all channels has on this bench; 1 at least, and unread."""
+    o, times = refinery.observations, np.ones(len(CHANNELS))
+    usual = usual_sigma(CHANNELS, np.asarray(o.points.power_W)[o.row])
+    for k, channel in enumerate(CHANNELS):
+        loaded = o.of(channel.name) & o.loaded[o.row]
+        if np.any(loaded):
+            times[k] = max(float(np.median(refinery.noise[loaded] / usual[loaded, k])), 1.0)
+    return times
 
 
 def asks_again(refinery: Refinery) -> bool:
@@ -281,9 +295,10 @@ class _Race:
             reached = reached + gain[:, best]
             self._take(best)
         kept = worth_doing(gains, [pair for _, pair in chosen], allowed)
-        steps = dict[int, NextMeasurement]()
+        steps, first_for = dict[int, NextMeasurement](), dict[int, int]()
         for (option, pair), gain in zip(chosen[:kept], gains, strict=False):
-            new = NextMeasurement.of(self.options.what[option], self._differ(pair), float(gain[pair]))
+            said = first_for.setdefault(option, pair)  # a repeat separates what the first measurement does
+            new = NextMeasurement.of(self.options.what[option], self._differ(said), float(gain[said]))
             steps[option] = steps[option].once_more(new) if option in steps else new
         return list(steps.values()), np.sum([np.zeros(len(self.pairs)), *gains[:kept]], axis=0).tolist()
 

@@ -2,8 +2,8 @@
 
 Replicates in time order are differenced before they are squared (von Neumann, 1941), so that a drift does not
 pass for noise. With few of them the estimate is uncertain: what the best explanation leaves then corrects it,
-channel by channel, and readings that lie far off count less. Rows without load tell of their own noise: that of
-nothing at all is a share of the instrument's range.
+channel by channel, and readings that lie far off count less. Rows without load have a noise of their own, which is a
+share of the instrument's range.
 """
 
 from dataclasses import dataclass
@@ -13,16 +13,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
+from models.diagnosis.rounding import rounding
 
 Array = NDArray[np.float64]
 
 _PROPORTIONAL = {"efficiency", "P_link1_W", "P_link2_W", "I_L_rms_A"}
+# Assumption: of eight updates' mean on an analyzer of 0.05 % class, relative to the power, or to the current
 _WITHOUT_REPLICATES = {"efficiency": 1.5e-4, "P_link1_W": 5e-4, "P_link2_W": 5e-4, "I_L_rms_A": 5e-4}
-_ON_THE_GRID = 1e-6  # of a step
 _FAR_OFF = 3.0  # sigmas
-_CLIPPED = 0.9733  # mean square of a normal deviate clipped at three
-_SCALES = (0.4, 4.0)  # of a channel's noise, as found from replicates or as assumed without
-_HOLDS = 0.01  # of the rated power: as far as a load that was set once may wander
+_CLIPPED = 0.9950  # E[min(z^2, 9)] of a normal deviate z
+# Assumption: of a channel's noise, as found from replicates or as assumed without; further off it is no noise
+_SCALES = (0.4, 4.0)
+_LEAST_A = 0.1  # of an rms current: below, noise is that of the range
+HOLDS = 0.01  # of the rated power: as far as a load that was set once may wander
 _LEAST = 0.1  # of the rated power: below, noise is that of the range
 _NEEDED = 4  # differences below which replicates say nothing
 
@@ -32,7 +35,8 @@ class ChannelNoise:
     """Noise of one channel: relative to the reading's power where ``proportional``, else in its unit.
 
     ``idle`` is that of rows without load, in the channel's unit; 0 where none was read again. ``scatter`` is
-    what the ``differences`` say without any margin; 0 where they are too few.
+    what the ``differences`` say without any margin; 0 where they are too few. ``excess_kurtosis`` and
+    ``autocorrelation`` are those of a single reading's noise.
     """
 
     channel: str
@@ -72,7 +76,7 @@ def _power_of(observations: Observations, keys: list[pd.Series]) -> pd.Series:
     """
     power = observations.frame["P2_W"].fillna(0.0)
     sets = power.groupby(keys, dropna=False)
-    return sets.transform(lambda of: _least_of(of, _HOLDS * observations.rated_W))
+    return sets.transform(lambda of: _least_of(of, HOLDS * observations.rated_W))
 
 
 def _least_of(power: pd.Series, span: float) -> pd.Series:
@@ -103,7 +107,7 @@ def scale_of(observations: Observations, name: str) -> Array:
     if name not in _PROPORTIONAL:
         return np.ones(observations.value.size)
     if name == "I_L_rms_A":
-        return np.asarray(np.maximum(np.abs(observations.value), 0.1))
+        return np.asarray(np.maximum(np.abs(observations.value), _LEAST_A))
     least_W = _LEAST * observations.rated_W
     return np.asarray(np.maximum(np.asarray(observations.points.power_W)[observations.row], least_W))
 
@@ -123,7 +127,7 @@ def estimate_noise(observations: Observations, residual: Array) -> list[ChannelN
             scatter = float(np.sqrt(np.mean(steps**2)))
             sigma = max(scatter * _upper(n), floor)
             power = max(scatter**2, 1e-150)  # squared below: exact replicates have none
-            kurtosis = float(np.mean(steps**4)) / power**2 - 3.0
+            kurtosis = 2.0 * (float(np.mean(steps**4)) / power**2 - 3.0)  # a difference has half of it
             memory = _autocorrelation(of_each, power)
         else:
             sigma, kurtosis, memory = _WITHOUT_REPLICATES.get(channel.name, 2 * channel.floor), 0.0, 0.0
@@ -171,27 +175,14 @@ def sigma_of(observations: Observations, noise: list[ChannelNoise]) -> Array:
         mask = observations.of(entry.channel)
         random = entry.sigma * scale_of(observations, entry.channel)[mask]
         idle = np.where(observations.loaded[observations.row[mask]], 0.0, entry.idle)
-        rounded = resolution(observations.value[mask]) ** 2 / 12
-        sigma[mask] = np.sqrt(np.maximum(random**2 + channel.floor**2, idle**2) + rounded)
+        least2 = np.maximum(random**2 + channel.floor**2, idle**2)
+        sigma[mask] = np.sqrt(least2 + rounding(observations, entry.channel))
     return sigma
 
 
 def usual_noise(channel: str) -> float | None:
     """What a channel's noise usually is, relative; None of one whose noise is not proportional."""
     return _WITHOUT_REPLICATES.get(channel)
-
-
-def resolution(values: Array) -> float:
-    """The decimal step that all values (n,) are multiples of: how far a table was rounded; 0 if to nothing coarse.
-
-    >>> resolution(np.array([0.12, 0.3, -0.05])), resolution(np.array([100.0, 250.0])), resolution(np.array([1 / 3]))
-    (0.01, 10.0, 0.0)
-    """
-    for power in range(2, -6, -1):
-        step = float(10.0**power)
-        if np.all(np.abs(values / step - np.round(values / step)) < _ON_THE_GRID):
-            return step
-    return 0.0
 
 
 def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Array, left: Array) -> Array:
@@ -221,10 +212,11 @@ def _seen_by_replicates(observations: Observations, entry: ChannelNoise, sigma: 
     """
     if entry.differences < _NEEDED:
         return 1.0
-    mask = observations.of(entry.channel) & observations.loaded[observations.row]
+    mask = observations.of(entry.channel)
+    loaded = observations.loaded[observations.row[mask]]
     scatter = entry.scatter * scale_of(observations, entry.channel)[mask]
-    rounded = resolution(observations.value[mask]) ** 2 / 12
-    return min(float(np.mean((scatter**2 + rounded) / sigma[mask] ** 2)), 1.0)
+    variance = scatter**2 + rounding(observations, entry.channel)
+    return min(float(np.mean((variance / sigma[mask] ** 2)[loaded])), 1.0)
 
 
 def without_widening(observations: Observations, first: Array, sigma: Array) -> Array:

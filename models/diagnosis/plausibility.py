@@ -21,9 +21,11 @@ _HELD = 1.25  # of a nominal voltage: the supply and the controller hold them
 _MOST_OFF = 3.0  # of what the simulation expects: more is another unit
 _AMBIENT_C = (-40.0, 85.0)
 _WARM_ROOM_C = 45.0  # above it, a room may be one of 7 to 85 degC told in degrees Fahrenheit
+_COLDER_K = 3.0  # than the room: more than two sensors disagree by
 _FAR_NEARER = 0.25  # of the distance to what is expected: a part is hardly ever so far off
 # kelvin of rise are as many degrees Fahrenheit; half of what would be an error of that size
 _FAHRENHEIT = (1.8, 0.3)
+_HOTTEST_C = 200.0  # of parts that last: above, and in a cold room in kelvin anyway
 _STUCK = 1e-9  # relative: not even the last digit moves
 _MOVES = 5.0  # noise floors that a channel should move over the campaign before it is called stuck
 _ENOUGH = 6  # readings to judge a column by
@@ -83,6 +85,28 @@ def check_inputs(observations: Observations, converter: Converter) -> None:
         raise ImplausibleTable(
             f"T_ambient_C: median {ambient:g}; {_AMBIENT_C[0]:g} to {_AMBIENT_C[1]:g} degC is allowed. Is it in kelvin?"
         )
+    _refuse_a_room_that_nothing_confirms(observations, ambient)
+
+
+def _refuse_a_room_that_nothing_confirms(observations: Observations, ambient_C: float) -> None:
+    """A room that is warm for people, without a part's temperature beside it; or warmer than the parts in it."""
+    frame = observations.frame[observations.loaded]
+    if "T_ambient_C" not in frame:
+        return
+    parts = [c.column for c in observations.channels if c.column.startswith("T_")]
+    if not parts and ambient_C > _WARM_ROOM_C:
+        raise ImplausibleTable(
+            f"T_ambient_C: median {ambient_C:g}, and no temperature of a part beside it; "
+            f"alone, up to {_WARM_ROOM_C:g} degC is believed. Is it in degrees Fahrenheit? Leave it out, or add "
+            "T_heatsink_C"
+        )
+    for name in parts:
+        colder_K = -float((frame[name] - frame["T_ambient_C"]).median())
+        if colder_K > _COLDER_K:
+            raise ImplausibleTable(
+                f"T_ambient_C, {name}: the part is {colder_K:.3g} K colder than its room (median), which none that "
+                "carries power is. Is one of them in degrees Fahrenheit, or are they exchanged?"
+            )
 
 
 def _refuse_one_efficiency(observations: Observations) -> None:
@@ -182,8 +206,8 @@ def _stuck(c: _Column) -> str | None:
 
 def _other_unit(c: _Column) -> str | None:
     if c.name.startswith("T_"):
-        if float(np.median(c.measured)) > 200.0:
-            return "above 200 degC in most rows: this looks like kelvin; temperatures are in degC"
+        if float(np.median(c.measured)) > _HOTTEST_C:
+            return f"above {_HOTTEST_C:g} degC in most rows: this looks like kelvin; temperatures are in degC"
         in_fahrenheit = np.median(np.abs(c.measured - (1.8 * c.expected + 32.0)))
         if in_fahrenheit < _FAR_NEARER * np.median(np.abs(c.measured - c.expected)):
             return "is far nearer to what is expected in degrees Fahrenheit; temperatures are in degC"

@@ -17,7 +17,7 @@ from sim.simulate import Case, Result, simulate_each
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-Key = tuple[object, ...]
+Variant = tuple[object, ...]
 
 
 def table_of(result: Result) -> Array:
@@ -39,21 +39,21 @@ class Predictions:
     """
 
     rows: Rows = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    tables: Mapping[Key, Array] = field(default_factory=dict)
-    at_end: Mapping[Key, Array] = field(default_factory=dict)
+    tables: Mapping[Variant, Array] = field(default_factory=dict)
+    at_end: Mapping[Variant, Array] = field(default_factory=dict)
     end_s: float = np.nan
 
     @classmethod
-    def of(cls, rows: Rows, variants: Mapping[Key, Case], tables: Sequence[Array]) -> Self:
+    def of(cls, rows: Rows, variants: Mapping[Variant, Case], tables: Sequence[Array]) -> Self:
         """What is worth keeping of tables in the variants' order."""
         pairs = zip(variants.items(), tables, strict=True)
         return cls(rows=rows, tables={key: table for (key, case), table in pairs if not _over_time(case)})
 
-    def ending(self, keys: Sequence[Key], tables: Sequence[Array], end_s: float) -> Self:
+    def ending(self, keys: Sequence[Variant], tables: Sequence[Array], end_s: float) -> Self:
         """The same with tables of variants by their keys at the end of the campaign."""
         return replace(self, at_end=dict(zip(keys, tables, strict=True)), end_s=end_s)
 
-    def of_time(self, cases: Collection[Case]) -> Mapping[Key, Array]:
+    def of_time(self, cases: Collection[Case]) -> Mapping[Variant, Array]:
         """What holds at the times at which these cases are."""
         times = [np.asarray(points.time_s) == self.end_s for _, points in cases]
         return {**self.tables, **self.at_end} if np.all(np.concatenate(times)) else self.tables
@@ -70,7 +70,7 @@ class Repeated:
         """Some of the points."""
         return Repeated(known=self.known, rows=self.rows[chosen])
 
-    def tables(self, variants: Mapping[Key, Case], near: Result) -> list[Array]:
+    def tables(self, variants: Mapping[Variant, Case], near: Result) -> list[Array]:
         """Tables (C, K) of variants at these points, from a simulation ``near`` them."""
         place = np.searchsorted(self.known.rows, self.rows)
         new, every = np.flatnonzero(self.rows < 0), np.arange(self.rows.size)
@@ -84,7 +84,7 @@ class Repeated:
         return [found[key] for key in variants]
 
 
-def ending(variants: Mapping[Key, Case], end_s: float) -> dict[Key, Case]:
+def ending(variants: Mapping[Variant, Case], end_s: float) -> dict[Variant, Case]:
     """Of variants those that follow the time, at the end of a campaign."""
     return {
         key: (model, replace(points, time_s=np.full(len(points), end_s)))

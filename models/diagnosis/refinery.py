@@ -11,7 +11,7 @@ from models.diagnosis.geometry import Directions, Geometry, Projection
 from models.diagnosis.hypotheses import Fit, Term, Weighed, log_prior, weigh
 from models.diagnosis.law import Laws
 from models.diagnosis.leftover import Leftover
-from models.diagnosis.lines import Lines, key_of
+from models.diagnosis.lines import Lines
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
@@ -179,7 +179,7 @@ class Refinery:
         """Unknowns for a fit to start from, with these spreads."""
         if self.lines is None:
             return None
-        effects = [(key_of(t.effect, t.signature.other), t.distance) for t in fit.terms]
+        effects = [(t.signature.key, t.distance) for t in fit.terms]
         return self.lines.at(spreads, effects) + fit.bend
 
     def sharpened(self, fits: Sequence[Fit]) -> list[Fit]:
@@ -274,7 +274,7 @@ def hopeless(leader: float, behind: float = _BEHIND) -> float:
 
 
 def _key(fit: Fit) -> tuple[object, ...]:
-    return tuple((t.effect, tuple(sorted(t.signature.other.items()))) for t in fit.terms)
+    return tuple(t.signature.key for t in fit.terms)
 
 
 def _with_slopes(fit: Fit, taught: Fit) -> tuple[Term, ...]:

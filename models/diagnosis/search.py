@@ -1,8 +1,9 @@
 """The search: every effect alone, then pairs and triples of what leads.
 
-All are screened in closed form on their tangents; what is in reach of the best is simulated at its values until it
-stands still. Where an effect is far from a line, that may end short of its best value, and a further cause beside it,
-next to off itself, may lead it there. Such a cause is left out again, and the value kept.
+All hypotheses are ranked in closed form on their tangents; those in reach of the best are simulated and moved by
+Newton steps until their values stand still. Where an effect is far from a line, that may end short of its best value,
+and a further cause beside it, next to off itself, may lead it there. Such a cause is left out again, and the value
+kept.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,6 +35,7 @@ _FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out
 _SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a place worse than off
 _REACH = 3.0  # prior scales that a line is trusted over
+_TOO_NEAR = 0.1  # prior scales from off: so short a way teaches no bend
 
 
 def on_tangents(refinery: Refinery) -> list[Fit]:
@@ -143,7 +145,7 @@ def _about(refinery: Refinery, nothing: Fit, lines: Sequence[Fit]) -> list[Fit]:
 
 
 def _screened(refinery: Refinery, nothing: Fit) -> list[Fit]:
-    """Every effect at the best value of its line, about nothing's simulated state."""
+    """Every effect at the best value of its tangent about what ``nothing`` predicts."""
     return _fitted_lines(refinery, [replace(nothing, terms=(_term(s),)) for s in refinery.known.effects])
 
 
@@ -182,7 +184,7 @@ def _tangent(line: Fit, curve: Fit, sigma: Array) -> Fit:
     The spreads went a part of the way, as in Broyden's update of :mod:`models.diagnosis.refinery`.
     """
     (term,) = curve.terms
-    if term.signature.entry.threshold or abs(term.distance) < 0.1 * term.head.prior:
+    if term.signature.entry.threshold or abs(term.distance) < _TOO_NEAR * term.head.prior:
         return curve
     steps2 = (term.distance / sigma[0]) ** 2
     share = steps2 / (steps2 + float(np.sum(np.square(curve.spreads))) + 1.0)

@@ -1,4 +1,4 @@
-"""What a diagnosis is carried out in: noise that fits the data, the covariance, and all that is weighed there."""
+"""Fits noise and doubt about the simulation to the readings: the covariance that all hypotheses are weighed in."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -35,14 +35,18 @@ _NARROWER = ((0.3, 3.0), (0.1, 0.0))
 _OTHERS_NARROWER = ((0.3, 3.0), (0.09, 3.0))  # of all other channels together
 _SMOOTHER = ((0.3, 0.0),)  # of what no law is good to from one reading to the next, with efficiency alone
 _SEED = 0  # of the probes
+_OUTLIER = 6.0  # sigmas: one normal reading in a billion
+_LEAST_FREE = (
+    0.05  # of a channel's readings that the explanation leaves free: less is within the probes' error
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
     """Noise (M,) and covariance of the readings, and the refinery that works with them.
 
-    ``usual`` (M,) is the noise with no reading widened; ``far_off`` (M,) how many of its channel's sigmas a reading
-    lies from what explains the others.
+    ``usual`` (M,) is the noise with no reading widened; ``far_off`` (M,) how many of these sigmas a reading lies from
+    what explains the others.
     """
 
     sigma: Array
@@ -50,6 +54,11 @@ class Setting:
     far_off: Array
     covariance: Covariance
     refinery: Refinery
+
+    @property
+    def outliers(self) -> NDArray[np.bool_]:
+        """Which readings (M,) are so far off that they count for next to nothing."""
+        return np.asarray(self.far_off > _OUTLIER)
 
     def leftover_everywhere(self) -> Array:
         """Directions (q, M) of the largest leftover that is thought possible in all channels."""
@@ -76,11 +85,11 @@ def set_up(
     laws = Laws.of(law_columns(known.effects, observations, known.state), geometry)
     everyday = zip(known.effects, _everyday(known, geometry), strict=True)
     effects = tuple(replace(s, everyday=sigma) for s, sigma in everyday)
-    usual = np.array([np.median(sigma[observations.channel == k]) for k in range(len(observations.channels))])
+    usual = without_widening(observations, best.first, sigma)
     return replace(
         found,
-        usual=without_widening(observations, best.first, sigma),
-        far_off=best.left / usual[observations.channel],
+        usual=usual,
+        far_off=best.left / usual,
         refinery=replace(
             found.refinery, known=replace(bench.known, effects=effects), near=near, lines=lines, laws=laws
         ),
@@ -248,7 +257,7 @@ def _look(setting: Setting) -> _Look:
     share = np.array([np.mean(free[channel == k]) for k in range(int(channel.max()) + 1)])[channel]
     return _Look(
         explained=explained,
-        left=solved[0] / np.sqrt(np.maximum(share, 0.05)),
+        left=solved[0] / np.sqrt(np.maximum(share, _LEAST_FREE)),
         log_evidence=log_total(weighed, refinery) - 0.5 * geometry.whitener.log_determinant,
         whole=best.leftover is None,
         leftovers=frozenset(

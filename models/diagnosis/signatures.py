@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from models.diagnosis.common_mode import CommonModes
 from models.diagnosis.inaccuracy import inaccuracy, of_laws
-from models.diagnosis.lines import Lines, key_of
+from models.diagnosis.lines import Key, Lines, key_of
 from models.diagnosis.near_limit import LINK_INDUCTANCE, curvature
 from models.diagnosis.observations import Observations
-from models.diagnosis.predictions import Key, Predictions, Repeated, ending, read, table_of
+from models.diagnosis.predictions import Predictions, Repeated, Variant, ending, read, table_of
+from models.diagnosis.rounding import step_of_output
 from models.diagnosis.thresholds import State
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
@@ -58,6 +59,11 @@ class Signature:
     def effect(self) -> str:
         """The effect's name."""
         return self.entry.name
+
+    @property
+    def key(self) -> Key:
+        """The effect's name with its other values: what tells it from its other variants."""
+        return key_of(self.effect, self.other)
 
     def values(self, headline: float) -> dict[str, float]:
         """The effect's values with this headline."""
@@ -175,21 +181,21 @@ def signatures(
     by default. ``near`` is a simulation of the rows with readings to start from. Rows that are ``repeated`` are not
     simulated again where that is known.
     """
-    spreads = _spreads(baseline)
+    spreads, present = _spreads(baseline), baseline.effects
+    sized = {name: entry.at(baseline.converter) for name, entry in CATALOGUE.items()}
+    about = {name: entry.about(present[name]) if name in present else entry for name, entry in sized.items()}
     entries = [
         (name, entry, other)
-        for name, entry in ((name, entry.at(baseline.converter)) for name, entry in CATALOGUE.items())
+        for name, entry in about.items()
         if applies(entry, baseline.converter)
         and (among is None or name in among or _is_everyday(entry, spreads))
         for other in entry.variants()
     ]
-    present = baseline.effects
     used, row = np.unique(observations.row, return_inverse=True)
     at, near = observations.points.take(used), near or observations.reference(baseline)
-    variants: dict[Key, Case] = {("baseline",): (baseline, at)}
+    variants: dict[Variant, Case] = {("baseline",): (baseline, at)}
     for name, entry, other in entries:
-        start = present.get(name, {}).get(entry.headline.name, entry.headline.off)
-        values = {entry.headline.name: start + step_of(entry), **other}
+        values = {entry.headline.name: entry.headline.off + step_of(entry), **other}
         variants[name, *other.items()] = baseline.with_effect(name, **values), at
     limit = [k for k, s in enumerate(spreads) if s.path == LINK_INDUCTANCE and observations.efficiency_alone]
     for s, sigmas in (*((s, 1.0) for s in spreads), *((spreads[k], -1.0) for k in limit)):
@@ -197,7 +203,7 @@ def signatures(
         variants["spread", s.path, sigmas] = model, at
     variants |= {("input", k): (baseline, moved) for k, moved in enumerate(_inputs(at))}
     lines = None
-    end_s, at_end = float(np.max(np.asarray(observations.points.time_s))), dict[Key, Case]()
+    end_s, at_end = float(np.max(np.asarray(observations.points.time_s))), dict[Variant, Case]()
     if repeated is None:
         if observations.processes > 1:  # what to measure next is asked for then
             at_end = ending(variants, end_s)
@@ -319,17 +325,18 @@ def _inputs(p: Points) -> list[Points]:
 
 
 def _errors_of_inputs(observations: Observations, moved: Array) -> tuple[tuple[Array, Array], Array, Array]:
-    """What errors of the measured inputs do to the prediction: gains of V1 and V2, noise of P2; and a watt more.
+    """What errors of the measured inputs do to the prediction: of V1 and V2, of P2; and what a watt more does.
 
     ``moved`` (5, M) is what :func:`_inputs` change. The noise of P2 is already in the replicates of the input power,
-    which follows it; there it is zero. It is NaN for a D0 that bends sharply over power: where two edges pass each
-    other at light load D0 jumps for little.
+    which follows it, and its rounding in that power's own; there it is zero. It is NaN for a D0 that bends sharply over
+    power: where two edges pass each other at light load D0 jumps for little.
     """
     V1, V2, P2, more, less = moved
     folded = observations.of("D0") & ~(np.abs(more + less) < _FOLD)
-    P2 = np.where(folded, np.nan, P2)
-    follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
     power = np.asarray(observations.points.power_W)[observations.row]
+    rounded = step_of_output(observations) / np.sqrt(12) / np.where(power > 0, _P2_NOISE * power, np.inf)
+    P2 = np.where(folded, np.nan, P2) * np.hypot(1.0, rounded)
+    follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
     per_watt = (more - less) / np.where(power > 0, 2 * _APART * power, np.inf)
     return (V1, V2), np.where(follows & ~folded, 0.0, np.abs(P2)), np.nan_to_num(per_watt)
 

@@ -1,9 +1,10 @@
-"""What of a measurement table a diagnosis goes by: its readings, with what every variant says of them.
+"""Which readings of a measurement table a diagnosis uses, and their signatures.
 
 Left out are rows close to the most that D1 and D2 carry, columns and stretches that cannot be what they are called,
 and readings that some variant cannot predict. A table of which too little is left is refused.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -13,7 +14,6 @@ import numpy as np
 from models.dataset import Measurements
 from models.diagnosis.held import held
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.left_out import most_lost_before
 from models.diagnosis.near_limit import (
     LEAST_SPARE,
     LINK_INDUCTANCE,
@@ -21,6 +21,7 @@ from models.diagnosis.near_limit import (
     first_looks,
     power_to_spare,
 )
+from models.diagnosis.noise import HOLDS
 from models.diagnosis.observations import Observations
 from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
 from models.diagnosis.refinery import Refinery
@@ -28,6 +29,7 @@ from models.diagnosis.signatures import Signatures, signatures
 from sim.model import Model
 
 LEAST_ROWS = 12
+LEAST_SET_POINTS = 6  # Assumption: fewer do not tell even what one effect does over D1, D2 and power
 _CARRIED = 0.5  # of the readings, with power to spare: where fewer are, the set points are asked about
 
 
@@ -40,12 +42,13 @@ class Usable:
     """M readings with their signatures, and what is left out of them.
 
     ``edge`` are the readings of rows that the baseline, or the cause that leads, carries with too little power to
-    spare.
+    spare; ``unpredicted`` those of other rows that some variant does not predict.
     """
 
     observations: Observations
     known: Signatures
     edge: Observations
+    unpredicted: Observations
     rejected_columns: list[RejectedColumn]
 
     def as_explained(self, refinery: Refinery, fit: Fit) -> Self:
@@ -101,9 +104,29 @@ def check_table(whole: Observations, measurements: Measurements, baseline: Model
     if loaded < LEAST_ROWS:
         raise TooFewPoints(
             f"{loaded} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
-            + most_lost_before(measurements)
+            + _most_lost_before(measurements)
+        )
+    if (different := _set_points(whole)) < LEAST_SET_POINTS:
+        raise TooFewPoints(
+            f"{loaded} rows at {different} different set points; a diagnosis needs at least {LEAST_SET_POINTS}: rows "
+            "at one of them are replicates, which tell the noise and no cause"
         )
     check_inputs(whole, baseline.converter)
+
+
+def _set_points(observations: Observations) -> int:
+    """How many different set points carry power; powers that a load may wander between are one."""
+    frame = observations.frame[observations.loaded]
+    power = frame["P_set_W" if "P_set_W" in frame else "P2_W"] / (HOLDS * observations.rated_W)
+    return len(frame[["D1", "D2"]].round(6).assign(power=power.round()).drop_duplicates())
+
+
+def _most_lost_before(measurements: Measurements) -> str:
+    """What the table lost before, and why most of it."""
+    if not measurements.rejected:
+        return ""
+    reason, count = Counter(row.reason for row in measurements.rejected).most_common(1)[0]
+    return f". {len(measurements.rejected)} rows were left out, {count} of them because: {reason}"
 
 
 def usable_readings(
@@ -131,11 +154,14 @@ def usable_readings(
     rejected = [*whole_columns, *stretches]
     observations, edge = (o.mistrusting(c.column for c in rejected) for o in (observations, edge))
     known = signatures(observations, baseline, without, near=near)
-    kept = known.finite() & ~(wrong | stuck)
+    sound, predicted = ~(wrong | stuck), known.finite()
+    kept, unpredicted = sound & predicted, observations.take(sound & ~predicted)
     observations, known = observations.take(kept).in_use(), known.take(kept)
     if (left := _rows_left(observations)) < LEAST_ROWS:
         raise TooFewPoints(
             f"{left} rows that the model can carry with some power to spare; a diagnosis needs at least "
             f"{LEAST_ROWS}. Is the model file that of this converter?"
         )
-    return Usable(observations=observations, known=known, edge=edge, rejected_columns=rejected)
+    return Usable(
+        observations=observations, known=known, edge=edge, unpredicted=unpredicted, rejected_columns=rejected
+    )

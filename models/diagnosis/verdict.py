@@ -1,9 +1,10 @@
 """From probabilities to a verdict that an engineer can act on.
 
-``consistent``: that nothing is wrong cannot be excluded. ``named``: each stated cause has 95 % of all probability,
+``consistent``: that nothing is wrong cannot be excluded. ``named``: at least one cause has 95 % of all probability,
 alone or with others, with or without a leftover beside it, and nothing that this design cannot tell from it has one
-per cent. ``group``: causes that this design cannot tell apart have it together, or causes that it would tell apart and
-these data did not. ``unknown``: the residuals need a leftover more than any cause, or nothing above reaches 95 %.
+per cent; groups may stand beside it. ``group``: only several causes reach 95 % together, which this design cannot tell
+apart, or which it could and these data did not. ``unknown``: a leftover, a bad fit or outliers that confirm each other
+forbid a name, or nothing reaches 95 %.
 """
 
 import math
@@ -76,6 +77,11 @@ class Verdict:
     nothing_probability: float
     unknown_probability: float
     left_open: bool = False
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The causes that the verdict names, none where it only states groups."""
+        return self.stated if self.kind == "named" else ()
 
 
 def isolability(a: Array, b: Array, whitener: Whitener) -> float:

@@ -124,6 +124,14 @@ class Effect:
         parameters = tuple(p.at(converter) for p in self.parameters)
         return self if parameters == self.parameters else replace(self, parameters=parameters)
 
+    def about(self, values: Values) -> Self:
+        """The effect beside a model that has it with these values already: off is what changes nothing of that.
+
+        What is not given is off; the parameters beside the headline are no longer tried at other values.
+        """
+        head, *others = (replace(p, off=values.get(p.name, p.off)) for p in self.parameters)
+        return replace(self, parameters=(head, *(replace(p, scan=()) for p in others)))
+
     def variants(self) -> list[dict[str, float]]:
         """The settings of the parameters beside the headline that a search must try, one dict each."""
         found: list[dict[str, float]] = [{}]

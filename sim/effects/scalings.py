@@ -43,7 +43,7 @@ class ParameterEffect(Effect):
         """A scaled part's spread is scaled too; a part that was replaced has its value and no spread."""
         if self.replaces:
             return 0.0
-        return everyday * (1.0 + value if self.change is _scaled else 1.0)
+        return everyday * ((1.0 + value) / (1.0 + self.headline.off) if self.change is _scaled else 1.0)
 
     def converter(self, converter: Converter, values: Values) -> Converter:
         """The converter with the named parameters changed; the very same object at the OFF value."""

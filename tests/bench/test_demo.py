@@ -108,13 +108,15 @@ def test_the_report_needs_nothing_else_and_says_virtual_lab(demo: Path) -> None:
 
 
 def test_found_needs_the_hidden_effect_to_be_named_or_in_the_group() -> None:
-    named = {"verdict": "named", "causes": [{"effect": "a"}], "groups": []}
-    group = {"verdict": "group", "causes": [{"effect": "a"}], "groups": [["a", "b"]]}
+    named = {"verdict": "named", "named": ["a", "c"], "groups": []}
+    group = {"verdict": "group", "named": [], "groups": [["a", "b"]]}
     assert was_found(named, {"a": 1.0})
+    assert was_found(named, {"a": 1.0, "c": 1.0})
+    assert not was_found(named, {"a": 1.0, "b": 1.0})
     assert not was_found(named, {"b": 1.0})
     assert was_found(group, {"b": 1.0})
     assert not was_found(named, {})
-    assert was_found({"verdict": "consistent", "causes": [], "groups": []}, {})
+    assert was_found({"verdict": "consistent", "named": [], "groups": []}, {})
 
 
 def _measured(folder: Path) -> pd.DataFrame:

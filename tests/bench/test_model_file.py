@@ -1,11 +1,14 @@
 """model.toml: converters, modulations and effects there and back, and every fault with its line."""
 
+import tomllib
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from bench.errors import InputError
-from bench.model_file import read_model, write_model
+from bench.model_file import read_model, rests_on, write_model
+from models.registry import data_hash
 from sim.model import Model
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "two_level_dab.toml"
@@ -25,6 +28,22 @@ def test_a_model_comes_back_as_it_was(tmp_path: Path, model: Model) -> None:
     assert read_model(tmp_path / "model.toml") == model.with_effect("link_resistance", resistance_Ohm=0.05)
 
 
+def test_an_extended_model_says_what_it_rests_on_and_comes_back_without_it(tmp_path: Path) -> None:
+    cause = {
+        "effect": "link_resistance", "probability": 0.99, "tied_with": [],
+        "parameters": [{"name": "resistance_Ohm", "ci95": [0.04, 0.06]}, {"name": "other", "ci95": None}],
+    }  # fmt: skip
+    answer = {"verdict": "named", "points": 2, "unknown": {"probability": 0.0}, "causes": [cause]}
+    table = pd.DataFrame({"D1": [0.9, 0.8], "P1_W": [500.0, 600.0]})
+    model = Model.baseline().with_effect("link_resistance", resistance_Ohm=0.05)
+    path = tmp_path / "model.toml"
+    write_model(path, model, rests_on(answer, table, "mine.csv"))
+    assert read_model(path) == model
+    said = tomllib.loads(path.read_text(encoding="utf-8"))["diagnosis"]
+    assert said["causes"]["link_resistance"]["resistance_Ohm_ci95"] == [0.04, 0.06]
+    assert said["data_sha256"] == data_hash(table) != data_hash(table.assign(D1=0.7))
+
+
 def test_a_file_may_name_another_one_for_its_converter(tmp_path: Path) -> None:
     (tmp_path / "dab.toml").write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
     (tmp_path / "model.toml").write_text('converter = "dab.toml"\nmodulation = "dps"\n', encoding="utf-8")
@@ -38,7 +57,7 @@ def test_a_file_may_name_another_one_for_its_converter(tmp_path: Path) -> None:
         ('modulation = "spwm"\n', ":1: modulation = 'spwm': Converter.modulation is 'spwm'; a NpcBridge"),
         ("modulation = 3\n", ":1: modulation = 3: the name of a modulation"),
         ('converter = "buck"\n', ":1: converter = 'buck': 'NPC-DAB prototype, 2 kW', a table"),
-        ("efects = 1\n", ":1: efects: unknown key; known here: converter, modulation, effects"),
+        ("efects = 1\n", ":1: efects: unknown key; known here: converter, modulation, effects, diagnosis"),
         ("[effects.link_resistance]\nresistance_Ohm = -1.0\n", "link_resistance.resistance_Ohm is -1 Ohm; allowed"),
     ],
 )  # fmt: skip

@@ -34,6 +34,7 @@ DIAGNOSIS = {
     "points": 60,
     "gap": {"mean_abs_efficiency": 0.0121, "mean_loss_W": 9.8},
     "causes": [CAUSE, CAUSE | {"effect": "core_loss_inductor", "probability": 0.001}],
+    "named": ["link_resistance"],
     "groups": [["auxiliary_power", "analyzer_offset"]],
     "unknown": {"probability": 0.01, "formula": None},
     "next": [{"action": "standby", "separates": ["auxiliary_power"], "expected_sigma": 8.2, "minutes": 1.5}],

@@ -28,7 +28,8 @@ def answer(
     if verdict == "group":
         causes = tuple(replace(cause, probability=probability / len(causes)) for cause in causes)
     groups = (stated,) if verdict == "group" else ()
-    return Answer(verdict=verdict, causes=causes, groups=groups, unknown=0.01, cpu_s=1.0)
+    named = tuple(cause.effect for cause in causes) if verdict == "named" else ()
+    return Answer(verdict=verdict, causes=causes, named=named, groups=groups, unknown=0.01, cpu_s=1.0)
 
 
 def scored(

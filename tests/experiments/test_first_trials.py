@@ -52,7 +52,7 @@ def test_sizes_are_thirds_of_the_range_by_their_distance_from_off(effect: str) -
 
 def answer(effect: str) -> Answer:
     cause = Cause(effect=effect, probability=0.99, value=0.1, low=0.0, high=0.2)
-    return Answer(verdict="named", causes=(cause,))
+    return Answer(verdict="named", causes=(cause,), named=(effect,))
 
 
 def test_a_miss_and_a_false_name_stay_visible() -> None:

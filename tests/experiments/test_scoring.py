@@ -1,6 +1,7 @@
 """What counts as found, exact, wrong and unknown, and the intervals of their shares."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from scipy.stats import beta
@@ -41,9 +42,11 @@ def test_an_answer_is_scored(
     assert {name for name, holds in found.items() if holds} == right
 
 
-def test_a_named_verdict_names_its_first_cause_even_below_the_bar() -> None:
-    assert answer("named", "dead_time", probability=0.7).named == ("dead_time",)
-    assert answer("unknown", "dead_time", probability=0.99).named == ()
+def test_a_group_beside_a_name_counts_too() -> None:
+    said = replace(answer("named", "dead_time"), groups=(("fan_step", "auxiliary_power"),))
+    assert said.stated == ("dead_time", "fan_step", "auxiliary_power")
+    assert said.misnames(("dead_time",))
+    assert not said.misnames(("dead_time", "fan_step"))
 
 
 def test_excluded_trials_are_in_no_share() -> None:

@@ -16,7 +16,7 @@ OFFSET_W = {1: 0.0, 2: 0.0, 3: 3.0, 4: 3.0}  # 0.2 % of a range of 1500 W
 FACTOR = (5 / 18) ** 0.5
 _NOISE = {1: 1e-4, 2: 1e-4, 3: 4e-4, 4: 4e-4}  # of reading, one update
 _SENSORS = ("heatsink", "inductor", "transformer")
-_TEMPERATURE_OFFSET_K = 0.3
+TEMPERATURE_OFFSET_K = 0.3  # one sigma
 _ROOT_3 = 3**0.5
 _OUTPUT_SENSE, _SUPPLY_V = 5e-4 * _ROOT_3, 0.1 * _ROOT_3  # of reading, V: the converter's sensor, the supply
 _TAIL = 6.0  # degrees of freedom of the noise: heavier tails than normal
@@ -65,7 +65,7 @@ def draw_instruments(rng: np.random.Generator) -> InstrumentErrors:
     power = {e: within(most) for e, most in GAIN.items()}
     offset_A = {e: within(most) for e, most in OFFSET_A.items()}
     offset_W = {e: within(most) for e, most in OFFSET_W.items()}
-    temperature_K = {n: float(rng.normal(0, _TEMPERATURE_OFFSET_K)) for n in _SENSORS}
+    temperature_K = {n: float(rng.normal(0, TEMPERATURE_OFFSET_K)) for n in _SENSORS}
     output_sense, supply_V = within(_OUTPUT_SENSE), within(_SUPPLY_V)
     # of one power's gain the voltage has any share that leaves both it and the current inside
     voltage = {e: 0.5 * g + within(GAIN[e] - 0.5 * abs(g)) for e, g in power.items()}

@@ -3,11 +3,12 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
-from models.diagnosis.usable import LEAST_ROWS, TooFewPoints
+from models.diagnosis.usable import LEAST_ROWS, LEAST_SET_POINTS, TooFewPoints
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.parameters import ParameterError
@@ -38,6 +39,19 @@ def test_too_few_rows_are_refused_with_the_number_needed() -> None:
     frame = simulated_campaign(Model.baseline(), seed=2, count=LEAST_ROWS - 4)
     with pytest.raises(TooFewPoints, match=f"at least {LEAST_ROWS}"):
         diagnose(load_measurements(frame.head(LEAST_ROWS - 1)))
+
+
+def test_replicates_of_few_set_points_are_refused() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=2, count=40)
+    for different, refused in ((LEAST_SET_POINTS - 1, True), (LEAST_SET_POINTS, False)):
+        one = frame.drop_duplicates(["D1", "D2"]).head(different)
+        wandering = pd.concat([one.assign(P2_W=one["P2_W"] + 0.1 * k, time_s=600.0 * k) for k in range(4)])
+        table = load_measurements(wandering.drop(columns="efficiency").reset_index(drop=True))
+        if refused:
+            with pytest.raises(TooFewPoints, match="5 different set points; a diagnosis needs at least 6"):
+                diagnose(table)
+        else:
+            diagnose(table)
 
 
 def test_an_unknown_effect_to_leave_out_is_refused_with_the_nearest() -> None:
@@ -101,11 +115,23 @@ def test_the_gap_is_that_of_the_readings_kept(named: Diagnosis) -> None:
 
 def test_readings_at_the_edge_of_what_can_be_carried_are_left_out_and_listed(named: Diagnosis) -> None:
     kept = named.observations.row[named.observations.of("efficiency")]
-    listed = {row["row"] - 1 for row in named.rejected}
-    assert listed
-    assert listed.isdisjoint(kept.tolist())
-    assert len(listed) + len(set(kept.tolist())) == len(named.observations.frame)
-    assert all("within 12 %" in row["reason"] for row in named.rejected)
+    near = {row["row"] - 1 for row in named.rejected if "within 12 %" in row["reason"]}
+    assert near
+    assert near.isdisjoint(kept.tolist())
+    assert len(near) + len(set(kept.tolist())) == len(named.observations.frame)
+
+
+def test_every_reading_is_used_or_listed_with_its_column() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=2, count=80)
+    found = diagnose(load_measurements(frame))
+    o = found.observations
+    used = {(int(row), o.channels[channel].column) for row, channel in zip(o.row, o.channel, strict=True)}
+    whole = {row["row"] - 1 for row in found.rejected if row["column"] == "P2_W"}
+    single = {(row["row"] - 1, row["column"]) for row in found.rejected if row["column"] != "P2_W"}
+    assert single  # D0 jumps at some of 80 points
+    assert single.isdisjoint(used)
+    given = {(row, c.column) for row in range(len(frame)) if row not in whole for c in o.channels}
+    assert used | single == given
 
 
 def test_efficiency_alone_is_enough_to_run(efficiency_only: Diagnosis) -> None:

@@ -97,6 +97,17 @@ def test_what_the_spreads_may_take_up_is_no_separation(found: Diagnosis) -> None
     assert most[0] < 0.7 * most[1]
 
 
+def test_a_bench_that_is_noisier_than_usual_is_told_that_a_step_separates_less(found: Diagnosis) -> None:
+    noisy = replace(found.refinery, noise=5.0 * found.refinery.noise)
+    alone = Allowed(by_hand=False, least_sigma=0.01)
+    quiet, loud = (
+        next_measurements(found.observations, found.rivals, refinery=refinery, allowed=alone, most=1)
+        for refinery in (found.refinery, noisy)
+    )
+    assert loud[0].action == quiet[0].action
+    assert loud[0].expected_sigma < 0.8 * quiet[0].expected_sigma  # noise is not all that is open
+
+
 def test_somebody_at_the_bench_is_asked_and_the_points_that_help_without_are_told_too(
     found: Diagnosis,
 ) -> None:

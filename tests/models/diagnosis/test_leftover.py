@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from models.diagnosis.leftover import Leftovers, leftovers
+from models.diagnosis.leftover import Leftovers, leftovers, smooth_maps
 from models.diagnosis.observations import Observations, observe
 from sim.prototype import prototype
 from tests.models.diagnosis.fabricated import loads
@@ -67,3 +67,19 @@ def test_a_loss_in_series_moves_the_phase_shift_as_one_at_the_output_does() -> N
     place = next(c for c in rivals.configurations if c.location == "ac link, in series, by temperature")
     level = rivals.basis[place.columns[0]]
     assert level[shift] == pytest.approx(5e-4 * level[observations.of("efficiency")], rel=1e-12)
+
+
+def test_rows_that_share_a_time_still_have_a_gain_that_wanders() -> None:
+    """Three repeats a stamp: between most rows no time has passed."""
+    frame = pd.DataFrame({"D1": 0.9, "D2": 0.1, "P2_W": POWER_W, "kind": "load", "P1_W": POWER_W / 0.98})
+    stamps = 60.0 * (np.arange(ROWS) // 3)
+    observations = observe(frame.assign(efficiency=0.98, time_s=stamps), prototype())
+    gain = POWER_W * np.sin(stamps / 400.0)
+    assert _missed(leftovers(observations, np.ones(ROWS)), "gain over time", gain) < 0.05
+
+
+def test_leading_maps_hold_nearly_all_of_a_smooth_kernel() -> None:
+    place = np.random.default_rng(2).uniform(0.0, 2.0, (ROWS, 3))
+    maps = smooth_maps(place)
+    assert len(maps) < ROWS
+    assert np.mean(np.sum(maps**2, axis=0)) == pytest.approx(1.0, abs=0.02)  # of which 98 % are asked for

@@ -12,7 +12,7 @@ from models.diagnosis.covariance import noiseless_covariance
 from models.diagnosis.diagnose import diagnose
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
-from models.diagnosis.left_out import edge_rows
+from models.diagnosis.left_out import not_usable
 from models.diagnosis.near_limit import LEAST_SPARE, answers_about, first_looks, margin, power_to_spare
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.refinery import Refinery
@@ -143,7 +143,8 @@ def test_rows_that_a_cause_leaves_no_power_to_spare_take_no_part(
     # what takes no part near the limit is still of use to a surrogate
     lost = np.setdiff1d(usable.observations.row, expected)
     np.testing.assert_array_equal(np.unique(found.edge.row), np.union1d(usable.edge.row, lost))
-    listed = {row["row"]: row["reason"] for row in edge_rows(whole, usable.observations, found.observations)}
+    rows = [row for row in not_usable(whole, usable, found.observations) if row["column"] == "P2_W"]
+    listed = {row["row"]: row["reason"] for row in rows}
     first = set(usable.edge.row.tolist())
     assert set(listed) == set(lost.tolist()) | first
     assert all(("beside the first explanation" in listed[row]) == (row not in first) for row in listed)

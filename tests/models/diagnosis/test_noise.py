@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from models.diagnosis.noise import corrected, estimate_noise, scale_of, sigma_of
+from models.diagnosis.noise import ChannelNoise, corrected, estimate_noise, scale_of, sigma_of
 from models.diagnosis.observations import Observations, observe
 from sim.prototype import prototype
 from tests.models.diagnosis.fabricated import loads
@@ -173,3 +173,22 @@ def test_replicates_that_share_their_rounding_do_not_deny_it() -> None:
     sigma = corrected(observations, noise, first, left)
     # a step of 10 W; the mean of sixty squares of a uniform deviate has a standard error of 12 %, its root of 6
     np.testing.assert_allclose(sigma, 10.0 / np.sqrt(12), rtol=0.18)
+
+
+def test_a_single_reading_far_off_is_widened_and_the_others_are_not() -> None:
+    observations = loads(np.linspace(300.0, 1500.0, 60))
+    noise = estimate_noise(observations, np.zeros(60))
+    left = np.random.default_rng(1).standard_normal(60)
+    left[7], first = 30.0, np.full(60, 0.1)
+    sigma = corrected(observations, noise, first, left)
+    assert sigma[7] > 8 * np.median(sigma)  # 30 sigmas, of which three are ordinary
+    assert np.delete(sigma, 7).max() < 1.5 * np.median(sigma)
+
+
+def test_what_normal_noise_leaves_does_not_change_it() -> None:
+    many = loads(np.full(20_000, 500.0))
+    noise = [ChannelNoise(channel="efficiency", sigma=1e-4, proportional=True, differences=0,
+                          excess_kurtosis=0.0, autocorrelation=0.0)]  # fmt: skip
+    first, left = np.full(20_000, 0.05), np.random.default_rng(4).standard_normal(20_000)
+    # the mean square of n normal draws has a standard error of sqrt(2 / n), their root half of it: 0.5 %
+    assert np.median(corrected(many, noise, first, left)) == pytest.approx(0.05, rel=0.01)

@@ -108,6 +108,19 @@ def test_a_room_in_kelvin_is_refused(frame: pd.DataFrame) -> None:
         check_inputs(observe(frame.assign(T_ambient_C=298.0), prototype()), prototype())
 
 
+def test_a_room_in_fahrenheit_without_any_part_beside_it_is_refused(frame: pd.DataFrame) -> None:
+    bare = frame[["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]]
+    check_inputs(observe(bare.assign(T_ambient_C=41.0), prototype()), prototype())
+    with pytest.raises(ImplausibleTable, match=r"T_ambient_C: median 77.*Fahrenheit"):
+        check_inputs(observe(bare.assign(T_ambient_C=77.0), prototype()), prototype())
+
+
+def test_a_part_that_is_colder_than_its_room_is_refused(frame: pd.DataFrame) -> None:
+    room = frame["T_heatsink_C"].median() + 10.0
+    with pytest.raises(ImplausibleTable, match=r"T_ambient_C, T_heatsink_C: the part is .* K colder"):
+        check_inputs(observe(frame.assign(T_ambient_C=room), prototype()), prototype())
+
+
 def test_temperatures_and_a_room_in_fahrenheit_are_refused(frame: pd.DataFrame) -> None:
     whole = frame.assign(T_ambient_C=25.0)
     places = [name for name in whole if str(name).startswith("T_")]

@@ -148,3 +148,18 @@ def test_a_value_is_as_uncertain_as_the_parts_that_it_is_of(
     assert everyday["link_resistance"] == pytest.approx(0.002, rel=0.03)  # one part; slopes bend
     assert 0.01 < everyday["sic_on_resistance"] < 0.05  # of several that are each 5 % off for themselves
     assert everyday["fan_step"] == 0.0  # there is none that could be a little off
+
+
+def test_a_reading_is_far_off_by_its_own_noise_not_by_that_of_its_channel(
+    observations: Observations, known: Signatures
+) -> None:
+    """Noise grows with power: the same watts are more sigmas at light load than at full load."""
+    kept, quiet = known.finite(), setting(observations, known)
+    power_W = np.asarray(observations.points.power_W)[observations.row[kept]]
+    light, full = int(np.argmin(power_W)), int(np.argmax(power_W))
+    assert quiet.usual[light] < 0.3 * quiet.usual[full]
+    error_W = np.zeros(observations.value.size)
+    error_W[np.flatnonzero(kept)[[light, full]]] = 15.0 * quiet.usual[full]
+    found = setting(observations, known, error_W)
+    # the explanation follows either of them a little, each by its own
+    assert found.far_off[light] > 2.0 * found.far_off[full] > 12.0
