@@ -31,6 +31,10 @@ def read_model(path: Path) -> Model:
         for key in data
         if key not in KEYS
     ]
+    if not data:
+        problems.append(
+            _problem(path, text, ("file",), None, "holds nothing; name a converter, a modulation or effects")
+        )
     converter = _converter(path, text, data, problems)
     effects = data.get("effects", {})
     good: dict[str, dict[str, float]] = {}

@@ -16,13 +16,13 @@ SEPARATORS = ",;\t"
 _SEPARATED = (
     "columns are separated by ',' with '.' as decimal sign, or by ';' or tab with either decimal sign"
 )
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*%)?")
 # thousands apart: 1 406,8 or 1'406.8
 _IN_SPACES = re.compile(r"[+-]?[1-9]\d{0,2}([\s'\u2019]\d{3})+([.,]\d*)?")
 _IN_POINTS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d*")  # 1.406,8
 _IN_COMMAS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # 1,406.8, and 1,406 beside it
-_DECIMAL_POINT = re.compile(r"[+-]?[\d,]*\.\d*([eE][+-]?\d+)?")  # not a date, 20.11.2026
-_COMMENT = "#"
+_DECIMAL_POINT = re.compile(r"[+-]?[\d,]*\.\d*([eE][+-]?\d+)?(\s*%)?")  # not a date, 20.11.2026
+_COMMENT = ("#", "sep=")  # what some spreadsheets write ahead of the header is none of the table
 _RUNS_ON = 5  # lines: no value of a measurement is so long
 _MINUS = "\N{MINUS SIGN}"  # what word processors and some locales write before a number
 _WORKBOOK = b"PK\x03\x04"
@@ -44,9 +44,10 @@ class CsvTable:
 def read_csv(path: Path, numeric: Collection[str]) -> CsvTable:
     """Read a table; columns named in ``numeric`` stay text, others become what all their values are.
 
-    Empty lines, and lines before the header that begin with ``#``, are no rows. The separator is the one that cuts the
-    header into most columns, the comma of equals. A comma in a numeric column is the decimal sign, unless some number
-    there has a point. Thousands may stand apart: by spaces, apostrophes, or the sign that is not the decimal one.
+    Empty lines, and lines before the header that begin with ``#`` or ``sep=``, are no rows. The separator is the one
+    that cuts the header into most columns, the comma of equals. A comma in a numeric column is the decimal sign, unless
+    some number there has a point. Thousands may stand apart: by spaces, apostrophes, or the sign that is not the
+    decimal one.
 
     Raises
     ------
@@ -93,6 +94,11 @@ def _decoded(path: Path) -> str:
             where = error.start
     else:
         raise CsvError(f"this is not text: byte {content[where]:#04x} at {where}; save the table as CSV")
+    if "\0" in text:
+        raise CsvError(
+            f"this is not text: a zero byte stands at {text.index(chr(0))}. Is it UTF-16 without a byte order mark? "
+            "Save the table as CSV in UTF-8"
+        )
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -136,9 +142,7 @@ def _perhaps_the_header(values: list[str], place: int) -> str:
     """What to do where the line without a number in it is the header, below what an instrument wrote of itself."""
     if any(re.fullmatch(r"[-+\d.,eE]+", value) for value in values):
         return ""
-    return (
-        f". If line {place} is the header, delete the lines above it, or begin each of them with {_COMMENT}"
-    )
+    return f". If line {place} is the header, delete the lines above it, or begin each of them with {_COMMENT[0]}"
 
 
 def _named(frame: pd.DataFrame) -> pd.DataFrame:

@@ -101,7 +101,9 @@ def diagnose(
         raise InputError.of(where, "rows", None, f"{error}; {asked}") from error
     except ImplausibleTable as error:
         raise InputError.of(where, "columns", None, str(error)) from error
-    plain = found.as_plain(str(out_dir / "model.toml")) | _before(campaign_id, db)
+    plain = (
+        found.as_plain(str(out_dir / "model.toml")) | {"notes": list(table.notes)} | _before(campaign_id, db)
+    )
     write_model(out_dir / "model.toml", found.extended, rests_on(plain, table.frame, where))
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:

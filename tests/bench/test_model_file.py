@@ -57,6 +57,7 @@ def test_a_file_may_name_another_one_for_its_converter(tmp_path: Path) -> None:
         ('modulation = "spwm"\n', ":1: modulation = 'spwm': Converter.modulation is 'spwm'; a NpcBridge"),
         ("modulation = 3\n", ":1: modulation = 3: the name of a modulation"),
         ('converter = "buck"\n', ":1: converter = 'buck': 'NPC-DAB prototype, 2 kW', a table"),
+        ("", "file: holds nothing; name a converter, a modulation or effects"),
         ("efects = 1\n", ":1: efects: unknown key; known here: converter, modulation, effects, diagnosis"),
         ("[effects.link_resistance]\nresistance_Ohm = -1.0\n", "link_resistance.resistance_Ohm is -1 Ohm; allowed"),
     ],

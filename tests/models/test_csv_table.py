@@ -3,6 +3,7 @@
 import pytest
 
 from models.dataset import DatasetError, load_measurements
+from models.other_names import OtherName
 
 
 @pytest.mark.parametrize(
@@ -71,3 +72,20 @@ def test_a_quotation_mark_that_is_not_closed_is_told_with_its_line(tmp_path):
 def test_a_table_in_a_western_code_page_is_read(tmp_path):
     (tmp_path / "m.csv").write_bytes("D1,D2,P2_W,P1_W,Kühler °C\n0.8,0.2,600,612,40\n".encode("cp1252"))
     assert "unknown columns, kept and ignored: Kühler °C" in load_measurements(tmp_path / "m.csv").notes
+
+
+def test_a_table_with_zero_bytes_is_no_text(tmp_path):
+    (tmp_path / "m.csv").write_bytes("D1,D2,P2_W,P1_W\n0.9,0.1,500,515\n".encode("utf-16-le"))
+    with pytest.raises(DatasetError, match=r"a zero byte stands at 1\. Is it UTF-16"):
+        load_measurements(tmp_path / "m.csv")
+
+
+def test_what_a_spreadsheet_says_of_its_separator_is_no_header(tmp_path):
+    (tmp_path / "m.csv").write_text("sep=;\nD1;D2;P2_W;efficiency\n0,9;0,1;500;0,97\n", encoding="utf-8")
+    assert load_measurements(tmp_path / "m.csv").frame["D1"].tolist() == [0.9]
+
+
+def test_decimal_commas_before_a_sign_of_per_cent_are_read(tmp_path):
+    (tmp_path / "m.csv").write_text("D1;D2;P2_W;eta\n0,9;0,1;500;97,5 %\n", encoding="utf-8")
+    read = load_measurements(tmp_path / "m.csv", [OtherName.parse("efficiency=eta*0.01")])
+    assert read.frame["efficiency"].tolist() == pytest.approx([0.975])

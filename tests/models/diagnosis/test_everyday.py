@@ -8,6 +8,7 @@ from models.diagnosis.everyday import (
     log_as_part,
     log_everyday,
     nearest_everyday,
+    parts_beyond,
     share_beyond,
 )
 from models.diagnosis.hypotheses import EVERYDAY, Fit, Term
@@ -49,6 +50,14 @@ def test_two_values_of_which_the_readings_tell_each_are_ordinary_within_the_line
     assert everyday_together(cables(3.4, sigma=0.01, slopes=apart), QUIET)
     assert not everyday_together(cables(4.0, sigma=0.01, slopes=apart), QUIET)
     assert everyday_together(cables(4.0, sigma=1.0, slopes=apart), QUIET)  # 0.66 beyond, known to 1
+
+
+def test_a_part_that_has_to_be_further_off_than_any_is_said_with_its_sigmas() -> None:
+    spread = np.array([1.0, 1.0, 1.0])
+    for off, said in ((3.9, {}), (6.0, {"spread 0": 6.0})):
+        bench = refinery(off * spread, [], np.full(3, 1e-3), spreads=spread[None])
+        # of what the readings are off by, noise takes some 1e-6
+        assert parts_beyond(bench, Fit.nothing(3)) == pytest.approx(said, rel=1e-5)
 
 
 def test_what_is_beyond_alone_is_beyond_together() -> None:

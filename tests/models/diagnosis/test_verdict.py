@@ -241,6 +241,16 @@ def test_what_acts_by_its_reciprocal_is_as_far_off_as_that() -> None:
         assert judge([Hypothesis(fit=sure, leftover=None, probability=1.0)], WHITENER).kind == kind
 
 
+def test_an_uncertain_value_far_off_is_beyond_the_line_by_the_nearer_end_of_its_interval() -> None:
+    """3 of 12 mH, known to 1.3 mH: at 5.2 mH it is far off still, though on the slope at 3 mH it would not be."""
+    head = CATALOGUE["magnetizing_inductance"].headline
+    (term,) = fit_of("magnetizing_inductance", ALONG, value=head.off / 4).terms
+    acting, sigma, usual = replace(term, sigma=head.off / 9).acting
+    assert abs(acting) < 4.1 * usual + 1.64 * sigma
+    assert replace(term, sigma=head.off / 9).beyond_everyday
+    assert not replace(term, sigma=head.off / 2).beyond_everyday  # the interval goes past off
+
+
 def test_a_small_threshold_beside_another_cause_does_not_count() -> None:
     prior = CATALOGUE["fan_step"].headline.prior
     for value, stated in ((0.6 * prior, ()), (0.9 * prior, ("fan_step",))):
