@@ -15,7 +15,6 @@ from bench.wording import (
     probable_causes,
     suspected,
 )
-from sim.effects.catalogue import effect
 
 _WORSE = 1.2  # times as far off: a cause that shows in other channels leaves efficiency nearly as it was
 _BEHIND = {
@@ -32,7 +31,6 @@ _AGREES = "Nothing needs changing: the tolerances of parts and instruments may e
 _STEPS_SHOWN = 3  # of what to measure next, among what to do
 _ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
 _LIKELY = 0.5  # from which a cause's value is doubted where it is as large as is searched, and a leftover looked for
-_NEAR_AN_END = 1e-3  # of the range that is searched
 
 
 def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
@@ -55,7 +53,7 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     reasons = [
         f"{effect_name(cause['effect'])} is as far off as is searched ({parameter_text(cause['parameters'][0])})"
         for cause in probable_causes(diagnosis, _LIKELY)
-        if cause.get("parameters") and _at_an_end(cause["effect"], float(cause["parameters"][0]["value"]))
+        if cause.get("parameters") and cause["parameters"][0].get("at_bound")
     ]
     if (worse := extension_worse(diagnosis)) and not spreads_make_good(diagnosis):
         reasons.append(f"{worse}, so the extended model is not to be used")
@@ -151,13 +149,6 @@ def _where_to_look(diagnosis: Mapping[str, Any]) -> str:
 
 def _alike(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return list((diagnosis.get("unknown") or {}).get("rows") or ())
-
-
-def _at_an_end(name: str, value: float) -> bool:
-    """Whether an effect's value is where the search for it ends."""
-    head = effect(name).headline
-    near = _NEAR_AN_END * (head.upper - head.lower)
-    return min(value - head.lower, head.upper - value) <= near
 
 
 def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:

@@ -185,6 +185,7 @@ class Diagnosis:
                 "value": term.value,
                 "ci95": list(interval(self.refinery, cause.fit, cause.effect)),
                 "off": head.off,
+                "at_bound": term.at_bound,
             }
         ]
         for p in entry.parameters[1:]:

@@ -32,6 +32,7 @@ _P_CONSISTENT = 0.5
 _P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
 SURELY = 1.64  # standard deviations of the fit: 95 %
+_NEAR_A_BOUND = 1e-3  # of the range that is searched
 _GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
 
 
@@ -63,6 +64,12 @@ class Term:
     def significance(self) -> float:
         """Distance from off in standard deviations."""
         return abs(self.distance) / self.sigma
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether it lies where the search for it ends: it may be further off."""
+        near = _NEAR_A_BOUND * (self.head.upper - self.head.lower)
+        return min(self.value - self.head.lower, self.head.upper - self.value) <= near
 
     @property
     def acting(self) -> tuple[float, float, float]:

@@ -140,7 +140,7 @@ def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
                 best.setdefault(term.effect, h.fit)
                 total[term.effect] = total.get(term.effect, 0.0) + h.probability
     order = sorted(total, key=lambda name: -total[name])
-    return [Cause(effect=name, fit=best[name], probability=total[name]) for name in order]
+    return [Cause(effect=name, fit=best[name], probability=min(total[name], 1.0)) for name in order]
 
 
 def _standing(cause: Cause, hypotheses: Sequence[Hypothesis], leftover: float) -> float:

@@ -174,8 +174,9 @@ def test_actions_follow_the_verdict(data):
 def test_a_cause_as_large_as_is_searched_asks_for_the_model_first(data):
     leakage = CAUSE | {"effect": "leakage_inductance"}
     inside, at_the_end = (
-        leakage | {"parameters": [{"name": "relative_error", "value": value, "off": 0.0}]}
-        for value in (0.29, 0.3)
+        leakage
+        | {"parameters": [{"name": "relative_error", "value": value, "off": 0.0, "at_bound": at_bound}]}
+        for value, at_bound in ((0.29, False), (0.3, True))
     )
     asked = [actions(replace(data, diagnosis=DIAGNOSIS | {"causes": [c]}))[0] for c in (inside, at_the_end)]
     assert asked[0].startswith("Check leakage inductance")

@@ -162,3 +162,13 @@ def test_what_parts_are_off_by_as_far_as_a_prior_reaches_is_hardly_ever_a_cause(
     wide = Signature(entry=effect("leakage_inductance"), slope=SAME, everyday=head.prior)
     far = Term(signature=wide, value=0.99 * head.upper, sigma=1e-3, slope=SAME)
     assert share_beyond(far) == 0.0
+
+
+@pytest.mark.parametrize(("value", "there"), [(-0.6, True), (1.999, True), (1.9, False), (0.0, False)])
+def test_a_value_is_at_its_bound_where_the_search_ends(value: float, there: bool) -> None:
+    entry = effect("output_capacitance")
+    assert (entry.headline.lower, entry.headline.upper) == (-0.6, 2.0)
+    assert (
+        Term(signature=Signature(entry=entry, slope=SAME), value=value, sigma=0.1, slope=SAME).at_bound
+        is there
+    )
