@@ -215,6 +215,7 @@ def _worth(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, see
     readings = Readings(
         observations=setting.refinery.observations,
         residual=setting.refinery.residual,
+        counts=~setting.outliers,
         covariance=setting.covariance,
         leftover=setting.leftover_everywhere(),
     )

@@ -25,10 +25,14 @@ _LEAST = 12  # readings below which blocks mean nothing
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readings:
-    """What a gain is judged on: residuals (M,), their covariance, and directions (q, M) of a leftover everywhere."""
+    """What a gain is judged on: residuals (M,), their covariance, and directions (q, M) of a leftover everywhere.
+
+    Of the readings those are judged that ``counts`` (M,) has: none that is an outlier to every explanation.
+    """
 
     observations: Observations
     residual: Array
+    counts: NDArray[np.bool_]
     covariance: Covariance
     leftover: Array
 
@@ -111,7 +115,7 @@ class _Blocks:
 
 def held_out_gains(readings: Readings, cause: Fit, rival: Fit | None, seed: int) -> tuple[Gain, ...]:
     """The gain of a cause over every kind of blocks there is, bands of power first; none with too few readings."""
-    kinds = _kinds(readings.observations)
+    kinds = _kinds(readings)
     shares = [
         ([kinds[k] for k in share], readings, (cause, rival), seed)
         for share in shared_out(len(kinds), readings.observations.processes)
@@ -121,9 +125,10 @@ def held_out_gains(readings: Readings, cause: Fit, rival: Fit | None, seed: int)
     return tuple(found[blocks.name] for blocks in kinds)
 
 
-def _kinds(observations: Observations) -> list[_Blocks]:
+def _kinds(readings: Readings) -> list[_Blocks]:
+    observations = readings.observations
     p, row = observations.points, observations.row
-    judged = observations.of("efficiency") & observations.loaded[row]
+    judged = observations.of("efficiency") & observations.loaded[row] & readings.counts
     if judged.sum() < _LEAST:
         return []
 

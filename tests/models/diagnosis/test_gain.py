@@ -23,7 +23,12 @@ def campaign(residual: np.ndarray) -> Observations:
     return replace(loads(POWER), value=POWER / 0.98 + residual)
 
 
-def gains_of(residual: np.ndarray, spread: np.ndarray | None = None) -> tuple[Gain, ...]:
+ALL = np.ones(60, dtype=bool)
+
+
+def gains_of(
+    residual: np.ndarray, spread: np.ndarray | None = None, counts: np.ndarray = ALL
+) -> tuple[Gain, ...]:
     cause = fit_of("link_resistance", RESISTANCE_Ohm * GROWING, slope=GROWING, value=RESISTANCE_Ohm)
     rival = fit_of("auxiliary_power", 2.0 * FLAT, slope=FLAT, value=2.0)
     place = POWER[:, None] / 700.0
@@ -33,6 +38,7 @@ def gains_of(residual: np.ndarray, spread: np.ndarray | None = None) -> tuple[Ga
     readings = Readings(
         observations=campaign(residual),
         residual=residual,
+        counts=counts,
         covariance=Covariance.whole(plain),
         leftover=5.0 * smooth_maps(place),
     )
@@ -92,6 +98,14 @@ def test_the_interval_of_a_real_gain_excludes_zero_and_holds_the_mean() -> None:
     assert 0 < low < gain.before - gain.after < high
 
 
+def test_an_outlier_is_not_judged() -> None:
+    outlier = 7
+    counts = np.arange(60) != outlier
+    wild = RESISTANCE_Ohm * GROWING + np.where(counts, NOISE, 300.0)
+    kept = np.abs(wild / (POWER / 0.98 + wild) ** 2 * POWER)[counts]
+    assert gains_of(wild, counts=counts)[0].before == pytest.approx(np.mean(kept), rel=1e-9)  # rounding
+
+
 def test_a_cause_that_is_not_there_gains_nothing() -> None:
     gain = gain_of(NOISE)
     assert gain.after == pytest.approx(gain.before, rel=0.1)  # one parameter fitted to 45 readings of noise
@@ -103,6 +117,7 @@ def test_too_few_readings_have_no_blocks() -> None:
     readings = Readings(
         observations=observations,
         residual=np.zeros(8),
+        counts=ALL[:8],
         covariance=Covariance.whole(np.eye(8)),
         leftover=np.eye(8),
     )
