@@ -52,13 +52,14 @@ class RejectedColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Column:
-    """Readings of one channel on loaded rows, what the baseline expects there, D1 and the room there, (n,)."""
+    """Readings of one channel on loaded rows, what the baseline expects there, D1, D2 and the room there, (n,)."""
 
     name: str
     floor: float
     measured: Array
     expected: Array
     D1: Array
+    D2: Array
     ambient_C: Array
 
 
@@ -156,9 +157,8 @@ def implausible(
     ImplausibleTable
         Temperatures of the room and of a part that look like degrees Fahrenheit.
     """
-    D1, ambient_C = (
-        np.asarray(x)[observations.row] for x in (observations.points.D1, observations.points.ambient_C)
-    )
+    p = observations.points
+    D1, D2, ambient_C = (np.asarray(x)[observations.row] for x in (p.D1, p.D2, p.ambient_C))
     judged = observations.loaded[observations.row] & np.isfinite(expected)
     rejected = []
     for k, channel in enumerate(observations.channels):
@@ -171,6 +171,7 @@ def implausible(
             measured=observations.value[at],
             expected=expected[at],
             D1=D1[at],
+            D2=D2[at],
             ambient_C=ambient_C[at],
         )
         _refuse_fahrenheit(column)
@@ -230,9 +231,19 @@ def _other_zero(c: _Column) -> str | None:
     off, mirrored = float(np.median(np.abs(apart))), float(np.median(np.abs(c.measured + c.expected)))
     if off > _SHIFT > mirrored and off > 2 * mirrored:
         return "is the negative of what is expected: this D0 is positive where the primary leads; give -D0"
-    if off < _SHIFT or np.median(np.abs(apart - (1 - c.D1))) > _SHIFT:
+    if off < _SHIFT:
         return None
-    return "is 1 - D1 above what is expected: counted from S2's edge, where this D0 is from S1's; give D0 - (1 - D1)"
+    others = {
+        "is 1 - D1 above what is expected: counted from S2's edge, where this D0 is from S1's; give D0 - (1 - D1)":
+            c.expected + 1 - c.D1,
+        "is the phase between the pulses' centres, where this D0 is between edges; give D0 - (1 + D2 - D1) / 2":
+            c.expected + 0.5 * (1 + c.D2 - c.D1),
+        "is pi times what is expected: in radians; give D0 / pi": np.pi * c.expected,
+        "is half of what is expected: in whole periods; give 2 D0": 0.5 * c.expected,
+    }  # fmt: skip
+    missed = {said: float(np.median(np.abs(c.measured - other))) for said, other in others.items()}
+    nearest = min(missed, key=lambda said: missed[said])
+    return nearest if missed[nearest] < min(_SHIFT, _FAR_NEARER * off) else None
 
 
 _JUDGES: tuple[Callable[[_Column], str | None], ...] = (_stuck, _other_unit, _other_zero)

@@ -1,5 +1,6 @@
 """Columns that are something else than their name says are found, named, and left out."""
 
+import math
 from dataclasses import replace
 
 import pandas as pd
@@ -47,6 +48,9 @@ def test_a_campaign_as_it_should_be_keeps_all_columns(frame: pd.DataFrame) -> No
         ("T_heatsink_C", lambda f: 1.8 * f["T_heatsink_C"] + 32, "degrees Fahrenheit"),
         ("D0", lambda f: f["D0"] + 1 - f["D1"], "S2's edge"),
         ("D0", lambda f: -f["D0"], "give -D0"),
+        ("D0", lambda f: math.pi * f["D0"], "in radians"),
+        ("D0", lambda f: 0.5 * f["D0"], "in whole periods"),
+        ("D0", lambda f: f["D0"] + (1 + f["D2"] - f["D1"]) / 2, "between the pulses' centres"),
         ("D0", lambda f: 180 * f["D0"], "is it in degrees"),
     ],
 )
