@@ -101,12 +101,12 @@ def _only_with_spreads(diagnosis: Mapping[str, Any]) -> str:
     )
 
 
-def part_name(path: str) -> str:
+def _part_name(path: str) -> str:
     """A part's quantity, how two parts differ in one, or an instrument's error, by the name that its spread has.
 
-    >>> part_name("secondary.switch.resistance_Ohm"), part_name("analyzer port 2 gain")
+    >>> _part_name("secondary.switch.resistance_Ohm"), _part_name("analyzer port 2 gain")
     ('secondary switch resistance', 'analyzer port 2 gain')
-    >>> part_name("secondary.switch.capacitance_F beside primary.outer.capacitance_F")
+    >>> _part_name("secondary.switch.capacitance_F beside primary.outer.capacitance_F")
     'secondary switch capacitance against primary outer capacitance'
     """
     bare = re.sub(r"_(Ohm|H|F|s|V|A|C|W|K|J|per_K2?)\b", "", path).replace(" beside ", " against ")
@@ -116,7 +116,7 @@ def part_name(path: str) -> str:
 def _question_of_parts(diagnosis: Mapping[str, Any]) -> str:
     """What to ask where what is found needs a part, or an instrument, as far off as no ordinary one is; else empty."""
     parts = diagnosis.get("parts") or ()
-    said = join([f"{part_name(part['part'])} {abs(part['sigma']):.1f} times" for part in parts])
+    said = join([f"{_part_name(part['part'])} {abs(part['sigma']):.1f} times" for part in parts])
     return (
         f"More may be wrong than is said: what is found needs {said} its everyday spread off."
         if parts

@@ -36,9 +36,7 @@ _OTHERS_NARROWER = ((0.3, 3.0), (0.09, 3.0))  # of all other channels together
 _SMOOTHER = ((0.3, 0.0),)  # of what no law is good to from one reading to the next, with efficiency alone
 _SEED = 0  # of the probes
 _OUTLIER = 6.0  # sigmas: one normal reading in a billion
-_LEAST_FREE = (
-    0.05  # of a channel's readings that the explanation leaves free: less is within the probes' error
-)
+_LEAST_FREE = 0.05  # of a channel's readings, left free by the explanation: less is within the probes' error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
