@@ -41,7 +41,7 @@ _EFFICIENCY_COLUMNS = [
     "P2_W",
     "efficiency",
 ]  # when is known to the truth's isolability too
-_NEAR_SIGMA = 8.0  # a rival beyond it in a nominal lab is none in another one
+_NEAR_SIGMA = 15.0  # a rival beyond it in a nominal lab is none in another one
 _LITTLE_LESS = 0.9  # of what can be seen at all: nor is one that leaves more than this
 _U_OF = {"u_P1_W": ("P1_W", 3.5e-5), "u_P2_W": ("P2_W", 3.5e-5)}  # of reading: the mean of eight updates
 

@@ -185,31 +185,38 @@ def usual_noise(channel: str) -> float | None:
     return _WITHOUT_REPLICATES.get(channel)
 
 
-def corrected(observations: Observations, noise: list[ChannelNoise], sigma: Array, left: Array) -> Array:
+def corrected(
+    observations: Observations, noise: list[ChannelNoise], told: list[float], sigma: Array, left: Array
+) -> Array:
     """Standard deviations (M,) after a look at what the best explanation leaves of each reading.
 
     ``left`` (M,) is in sigmas, corrected for what the explanation has absorbed. Each channel's noise is scaled to
-    what is left there, the replicates counting with what they say; single readings beyond three sigmas are widened.
+    what is left there, the replicates counting with what they say, ``told`` of each channel by
+    :func:`told_by_replicates`; single readings beyond three sigmas are widened.
     """
     scaled = sigma.copy()
-    for entry in noise:
+    for entry, scatter2 in zip(noise, told, strict=True):
         mask = observations.of(entry.channel)
         z2 = left[mask] ** 2
         if not z2.size:
             continue
         typical = float(np.mean(np.minimum(z2, _FAR_OFF**2))) / _CLIPPED
-        told = entry.differences * _seen_by_replicates(observations, entry, sigma)
-        square = (told + z2.size * typical) / (entry.differences + z2.size)
+        square = (entry.differences * scatter2 + z2.size * typical) / (entry.differences + z2.size)
         scale = float(np.clip(np.sqrt(square), *_SCALES))
         scaled[mask] *= scale * np.maximum(1.0, np.sqrt(z2) / (_FAR_OFF * scale))
     return scaled
 
 
-def _seen_by_replicates(observations: Observations, entry: ChannelNoise, sigma: Array) -> float:
-    """What replicates scatter by over what was taken for their noise, squared; 1 at most, and where they are too few.
+def told_by_replicates(observations: Observations, noise: list[ChannelNoise], sigma: Array) -> list[float]:
+    """What each channel's replicates scatter by over ``sigma`` (M,), what was taken for their noise, squared.
 
-    A floor and a margin are nothing that replicates say, and a drift is no noise; rounding is all the same to them.
+    It is 1 at most, and where they are too few. A floor and a margin are nothing that replicates say, and a drift is no
+    noise; rounding is all the same to them.
     """
+    return [_told(observations, entry, sigma) for entry in noise]
+
+
+def _told(observations: Observations, entry: ChannelNoise, sigma: Array) -> float:
     if entry.differences < _NEEDED:
         return 1.0
     mask = observations.of(entry.channel)

@@ -11,7 +11,14 @@ from models.diagnosis.evidence import NEGLIGIBLE, log_total, weighed_with_leftov
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
-from models.diagnosis.noise import ChannelNoise, corrected, sigma_of, usual_noise, without_widening
+from models.diagnosis.noise import (
+    ChannelNoise,
+    corrected,
+    sigma_of,
+    told_by_replicates,
+    usual_noise,
+    without_widening,
+)
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import on_tangents
@@ -206,12 +213,13 @@ class _Bench:
         ``near`` is what it was elsewhere, to begin from; there are at most so many ``looks``.
         """
         sigma, doubt = (first, np.zeros_like(first)) if near is None else (near.sigma, near.doubt)
-        bench = self
+        bench, told = self, told_by_replicates(self.observations, self.noise, first)
         for _ in range(looks):
             look = _look(bench.setting(sigma, doubt))
             if look.whole:  # what was negligible then does not come back with a little more noise
                 bench = replace(bench, rivals=bench.rivals.among(look.leftovers))
-            before, sigma = sigma, corrected(self.observations, self.noise, first, look.left * sigma / first)
+            left = look.left * sigma / first
+            before, sigma = sigma, corrected(self.observations, self.noise, told, first, left)
             changed, doubt = np.hypot(before, doubt), self.rough * np.abs(look.explained)
             if np.all(np.abs(np.log(np.hypot(sigma, doubt) / changed)) < _SETTLED):
                 break

@@ -6,7 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from models.diagnosis.noise import ChannelNoise, corrected, estimate_noise, scale_of, sigma_of
+from models.diagnosis.noise import (
+    ChannelNoise,
+    corrected,
+    estimate_noise,
+    scale_of,
+    sigma_of,
+    told_by_replicates,
+)
 from models.diagnosis.observations import Observations, observe
 from sim.prototype import prototype
 from tests.models.diagnosis.fabricated import loads
@@ -29,6 +36,13 @@ def campaign() -> Observations:
 def white(observations: Observations) -> np.ndarray:
     draw = np.random.default_rng(5).standard_normal(observations.value.size)
     return SIGMA * scale_of(observations, "efficiency") * draw
+
+
+def looked_at(
+    observations: Observations, noise: list[ChannelNoise], sigma: np.ndarray, left: np.ndarray
+) -> np.ndarray:
+    told = told_by_replicates(observations, noise, sigma)
+    return corrected(observations, noise, told, sigma, left)
 
 
 def test_a_known_sigma_comes_back(campaign: Observations) -> None:
@@ -147,7 +161,7 @@ def test_replicates_count_with_what_they_say(noise_K: float) -> None:
     residual = np.where(observations.of("T_heatsink_C"), observations.value - 40.0, 0.0)
     noise = estimate_noise(observations, residual)
     first = sigma_of(observations, noise)
-    sigma = corrected(observations, noise, first, residual / first)
+    sigma = looked_at(observations, noise, first, residual / first)
     usual = np.median(sigma[observations.of("T_heatsink_C")])
     # 56 differences and 60 readings of the same noise: three standard errors of sqrt(1 / (2 n))
     assert usual == pytest.approx(noise_K, rel=3 * np.sqrt(1 / (2 * 60)))
@@ -159,7 +173,7 @@ def test_replicates_that_drift_do_not_undo_what_is_taken_for_noise() -> None:
     noise = estimate_noise(observations, residual)
     first = 0.2 * sigma_of(observations, noise)
     left = np.random.default_rng(9).standard_normal(first.size)
-    sigma = corrected(observations, noise, first, left)
+    sigma = looked_at(observations, noise, first, left)
     # what is left is of one sigma, to three standard errors of sixty readings; replicates would have made it four
     assert np.median(sigma / first) == pytest.approx(1.0, rel=3 * np.sqrt(1 / (2 * 60)))
 
@@ -170,7 +184,7 @@ def test_replicates_that_share_their_rounding_do_not_deny_it() -> None:
     noise = estimate_noise(observations, np.zeros(60))
     first = sigma_of(observations, noise)
     left = np.random.default_rng(10).uniform(-5.0, 5.0, 60) / first
-    sigma = corrected(observations, noise, first, left)
+    sigma = looked_at(observations, noise, first, left)
     # a step of 10 W; the mean of sixty squares of a uniform deviate has a standard error of 12 %, its root of 6
     np.testing.assert_allclose(sigma, 10.0 / np.sqrt(12), rtol=0.18)
 
@@ -180,7 +194,7 @@ def test_a_single_reading_far_off_is_widened_and_the_others_are_not() -> None:
     noise = estimate_noise(observations, np.zeros(60))
     left = np.random.default_rng(1).standard_normal(60)
     left[7], first = 30.0, np.full(60, 0.1)
-    sigma = corrected(observations, noise, first, left)
+    sigma = looked_at(observations, noise, first, left)
     assert sigma[7] > 8 * np.median(sigma)  # 30 sigmas, of which three are ordinary
     assert np.delete(sigma, 7).max() < 1.5 * np.median(sigma)
 
@@ -191,4 +205,4 @@ def test_what_normal_noise_leaves_does_not_change_it() -> None:
                           excess_kurtosis=0.0, autocorrelation=0.0)]  # fmt: skip
     first, left = np.full(20_000, 0.05), np.random.default_rng(4).standard_normal(20_000)
     # the mean square of n normal draws has a standard error of sqrt(2 / n), their root half of it: 0.5 %
-    assert np.median(corrected(many, noise, first, left)) == pytest.approx(0.05, rel=0.01)
+    assert np.median(looked_at(many, noise, first, left)) == pytest.approx(0.05, rel=0.01)
