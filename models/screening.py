@@ -29,6 +29,8 @@ ABSOLUTE_ZERO_C = -273.15
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
 MOST_APART_S = 86_400.0  # between rows of a campaign: more are milliseconds
 TIMES_OF_DAY = ("2026-11-20T22:14:05", "20.11.2026 22:14:05", "22:14:05")
+# of the power, in the median row: ten times what analyzers specify for a dc voltage and a current together
+_MAKE_UP = 0.01
 _NOT_AMPERES = 1.5  # times: more than any ripple or error of an instrument, and less than any other unit
 DISAGREEMENT = 0.005  # of efficiency against P2/P1: more than the rounding of printed powers explains
 
@@ -246,14 +248,20 @@ def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
 
 
 def _check_current(frame: pd.DataFrame, port: str) -> list[str]:
-    """Leave a current empty that is not in amperes: at a dc port voltage times current is power."""
+    """At a dc port voltage times current is power: say where they differ, and leave empty what is not in amperes."""
     voltage, current, power = f"V{port}_V", f"I{port}_A", f"P{port}_W"
     if not {voltage, current, power} <= set(frame):
         return []
     of = frame[voltage] * frame[current] / frame[power].where(frame[power] > KILOWATT_LIMIT)
     ratio = float(of.median())
-    if not np.isfinite(ratio) or 1 / _NOT_AMPERES < ratio < _NOT_AMPERES:
+    if not np.isfinite(ratio) or abs(ratio - 1.0) < _MAKE_UP:
         return []
+    if 1 / _NOT_AMPERES < ratio < _NOT_AMPERES:
+        return [
+            f"{current}: {voltage} * {current} is {ratio:.4g} times {power} (median), where a dc port has 1 within "
+            f"{_MAKE_UP:g}: one of the three is read elsewhere or wrongly, or the port carries ripple. Nothing is left "
+            f"out; efficiency goes by {power}"
+        ]
     frame[current] = np.nan
     thousand = {-3: "*1000", 3: "*0.001"}.get(round(float(np.log10(abs(ratio))))) if ratio else None
     known = (

@@ -115,6 +115,24 @@ def test_a_current_in_another_unit_is_told_by_voltage_and_power(
     assert told in note
 
 
+@pytest.mark.parametrize("port", ["1", "2"])
+@pytest.mark.parametrize("share", [0.97, 1.03])
+def test_a_power_that_is_not_voltage_times_current_is_said_and_nothing_left_out(
+    share: float, port: str, tmp_path: Path
+) -> None:
+    power = {"1": 12, "2": 0}[port]
+    rows = "".join(f"0.8,0.2,{P + 12},{P},300,{share * (P + power) / 300}\n" for P in (600, 700, 800))
+    measured = load_measurements(written(tmp_path, f"D1,D2,P1_W,P2_W,V{port}_V,I{port}_A\n{rows}"))
+    assert measured.frame[f"I{port}_A"].notna().all()
+    (note,) = measured.notes
+    assert f"V{port}_V * I{port}_A is {share:g} times P{port}_W (median)" in note
+
+
+def test_readings_inside_an_analyzers_errors_are_not_said(tmp_path: Path) -> None:
+    rows = "".join(f"0.8,0.2,{P},{P - 12},300,{1.004 * P / 300}\n" for P in (600, 700, 800))
+    assert load_measurements(written(tmp_path, f"D1,D2,P1_W,P2_W,V1_V,I1_A\n{rows}")).notes == ()
+
+
 def test_a_current_in_amperes_stays_and_standby_does_not_count(tmp_path: Path) -> None:
     rows = "standby,,,4,,300,0.5\nload,0.8,0.2,612,600,300,2.04\n"
     measured = load_measurements(written(tmp_path, f"kind,D1,D2,P1_W,P2_W,V1_V,I1_A\n{rows}"))
