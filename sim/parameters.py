@@ -18,6 +18,7 @@ __all__ = [
     "ParameterError", "Quantity", "Recovery", "Switch", "SwitchingEnergy", "Transformer", "Winding", "leaves",
 ]  # fmt: skip
 
+MOST_DEAD_TIME = 0.25  # of the half period
 _LEAST_PER_K = -1.0 / (HOTTEST_C - REFERENCE_C)
 _HOT_C = 125.0  # the hot end of datasheets' on-resistance
 _LEAST_SHARE = 0.1  # of the cold resistance: a parabola far beyond where it was read leads to none
@@ -249,10 +250,10 @@ class Converter:
         check(self, "a number", lambda x: x == x, "secondary_delay_s")
         not_negative(self, "dead_time_s")
         not_negative(self, "link_resistance_Ohm", "auxiliary_power_W", "input_cable_Ohm", "output_cable_Ohm")
-        if np.any(np.asarray(self.dead_time_s) > 0.25 * self.half_period_s):
+        if np.any(np.asarray(self.dead_time_s) > MOST_DEAD_TIME * self.half_period_s):
             raise ParameterError(
                 f"Converter.dead_time_s is {self.dead_time_s}; allowed: up to a quarter of the half period, "
-                f"{0.25 * self.half_period_s:.3g} s"
+                f"{MOST_DEAD_TIME * self.half_period_s:.3g} s"
             )
         if self.modulation not in self.primary.modulations:
             raise ParameterError(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from models.diagnosis.observations import Channel, Observations
 from sim.effects.catalogue import effect
 from sim.model import Model
 from sim.operating_points import Points
+from sim.parameters import MOST_DEAD_TIME, Converter
 from sim.simulate import Result, can_run, reference, simulate_many
+from sim.size import size
 
 Array = NDArray[np.float64]
 SetPoint = tuple[float, float, float]
@@ -20,12 +23,13 @@ UNLOADED = ("standby", "no_load")
 # Assumption: minutes of a point that has to settle, of one without load, of work at an open bench, of a warmer room
 _POINT_MIN, _UNLOADED_MIN, _REBUILD_MIN, _AMBIENT_MIN = 4.0, 1.5, 15.0, 60.0
 _AMBIENT_K = 15.0  # as much as a heater does to a closed bench
-_DEAD_TIME_s = 200e-9  # half as much again as the prototype's
+_DEAD_TIME_LONGER = 0.5  # of the converter's own
 _SPARE = 0.02  # of the power, beside the margin that a diagnosis keeps from the most that can be carried
 _AXES = (5, 5, 6)  # points over the measured ranges of D1, D2 and power
 _HALVINGS = 6  # of the range of power, on the way to the most that can be carried
 _AGAIN = 12  # measured points at most that may be measured again
 _PORT_1 = ("analyzer_gain", "analyzer_offset", "analyzer_range_step")
+# Stated for the prototype, and scaled to any other converter:
 _WINDING_Ohm = 1e-3  # what four wires are good to
 _LINK_V = 200.0  # Assumption: rms current is about power over this, as far as its noise matters
 # Noise of one averaged reading: relative to the power and least, or constant.
@@ -140,12 +144,12 @@ def bench_options(
         near, rows = reference(like or models[0], points), None
     else:
         points, near, rows = again.after(observations)
-    what = _measured(points, allowed)
+    what, converter = _measured(points, allowed), models[0].converter
     if not allowed.by_hand:
         return Options(
             what=tuple(what),
             readings=_readings(simulate_many(models, points, near), channels),
-            sigma=usual_sigma(channels, np.asarray(points.power_W)),
+            sigma=usual_sigma(channels, np.asarray(points.power_W), converter),
             points=points,
             near=near,
             rows=rows,
@@ -155,11 +159,12 @@ def bench_options(
     warmer = replace(one, ambient_C=np.asarray(one.ambient_C) + _AMBIENT_K)
     said_so = f"warm the room by {_AMBIENT_K:.0f} K and measure {said(at)}"
     what.append(Option(action=said_so, minutes=_AMBIENT_MIN, set_point=at, by_hand=True))
-    places = np.append(np.arange(len(points)), [most] * (1 + len(_REBUILT)))
-    where, near = Points.join([points, warmer, *(one for _ in _REBUILT)]), near.take(places)
+    rebuilds = _rebuilds(converter)
+    places = np.append(np.arange(len(points)), [most] * (1 + len(rebuilds)))
+    where, near = Points.join([points, warmer, *(one for _ in rebuilds)]), near.take(places)
     first = np.arange(len(points) + 1)
     seen = [_readings(simulate_many(models, where.take(first), near.take(first)), channels)]
-    for said_so, change in _REBUILT.items():
+    for said_so, change in rebuilds.items():
         what.append(Option(action=f"{said_so} {said(at)}", minutes=_REBUILD_MIN, set_point=at, by_hand=True))
         rebuilt = [change(m) for m in models]
         same = all(new is m for new, m in zip(rebuilt, models, strict=True))
@@ -172,11 +177,12 @@ def bench_options(
     what.append(Option(action=four_wires, minutes=_REBUILD_MIN, by_hand=True))
     ohms = np.full((len(models), 1, len(channels)), np.nan)
     ohms[:, 0, 0] = [_link_Ohm(m) for m in models]
-    sigma = usual_sigma(channels, np.asarray(where.power_W))
+    sigma = usual_sigma(channels, np.asarray(where.power_W), converter)
+    four_wires_Ohm = _WINDING_Ohm * size("input_resistance", converter)
     return Options(
         what=tuple(what),
         readings=np.concatenate([*seen, ohms], axis=1),
-        sigma=np.concatenate([sigma, np.full((1, len(channels)), _WINDING_Ohm)]),
+        sigma=np.concatenate([sigma, np.full((1, len(channels)), four_wires_Ohm)]),
         points=where,
         near=near,
         rows=None if rows is None else np.where(np.arange(places.size) == len(points), -1, rows[places]),
@@ -258,9 +264,8 @@ def said(at: SetPoint) -> str:
     return f"D1 = {at[0]:.3f}, D2 = {at[1]:.3f}, {at[2]:.0f} W"
 
 
-def _with_more_dead_time(model: Model) -> Model:
-    longer = model.converter.dead_time_s + _DEAD_TIME_s
-    return replace(model, converter=replace(model.converter, dead_time_s=longer))
+def _with_dead_time(dead_time_s: float, model: Model) -> Model:
+    return replace(model, converter=replace(model.converter, dead_time_s=dead_time_s))
 
 
 def _with_elements_swapped(model: Model) -> Model:
@@ -272,10 +277,18 @@ def _with_elements_swapped(model: Model) -> Model:
     return model
 
 
-_REBUILT: dict[str, Callable[[Model], Model]] = {
-    f"set {_DEAD_TIME_s * 1e9:.0f} ns more dead time and measure": _with_more_dead_time,
-    "swap the analyzer's elements and measure": _with_elements_swapped,
-}
+def _rebuilds(converter: Converter) -> dict[str, Callable[[Model], Model]]:
+    """What somebody may change on the bench before a measurement, in words, and what a model is then.
+
+    Dead time is not proposed to be longer where there is none, or where that would come near the most that can be.
+    """
+    own_s = float(converter.dead_time_s)
+    more_s = _DEAD_TIME_LONGER * own_s
+    found: dict[str, Callable[[Model], Model]] = {}
+    if 0.0 < own_s + 2 * more_s < MOST_DEAD_TIME * float(converter.half_period_s):
+        longer = partial(_with_dead_time, own_s + more_s)
+        found[f"set {more_s * 1e9:.0f} ns more dead time and measure"] = longer
+    return found | {"swap the analyzer's elements and measure": _with_elements_swapped}
 
 
 def _link_Ohm(model: Model) -> float:
@@ -286,13 +299,18 @@ def _link_Ohm(model: Model) -> float:
     )
 
 
-def usual_sigma(channels: Sequence[Channel], power_W: Array) -> Array:
+def usual_sigma(channels: Sequence[Channel], power_W: Array, converter: Converter) -> Array:
     """Noise of one averaged reading of each channel at these powers, (K, channels)."""
+    watts, amperes = size("power", converter), size("input_current", converter)
     columns = []
     for c in channels:
         if c.column in _CONSTANT:
             columns.append(np.full(power_W.size, _CONSTANT[c.column]))
-            continue
-        (relative, least), scale = _RELATIVE.get(c.column, _CURRENT), power_W
-        columns.append(np.maximum(relative * (scale if c.column in _RELATIVE else scale / _LINK_V), least))
+        elif c.column in _RELATIVE:
+            relative, least = _RELATIVE[c.column]
+            columns.append(np.maximum(relative * power_W, least * watts))
+        else:
+            relative, least = _CURRENT
+            current_A = power_W / _LINK_V * amperes / watts
+            columns.append(np.maximum(relative * current_A, least * amperes))
     return np.stack(columns, axis=-1)

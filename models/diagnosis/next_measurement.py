@@ -190,7 +190,8 @@ def next_measurements(
 def _noisier_than_usual(refinery: Refinery) -> Array:
     """How many times the usual noise a reading of each of all channels has on this bench; 1 at least, and unread."""
     o, times = refinery.observations, np.ones(len(CHANNELS))
-    usual = usual_sigma(CHANNELS, np.asarray(o.points.power_W)[o.row])
+    converter = refinery.baseline.converter
+    usual = usual_sigma(CHANNELS, np.asarray(o.points.power_W)[o.row], converter)
     for k, channel in enumerate(CHANNELS):
         loaded = o.of(channel.name) & o.loaded[o.row]
         if np.any(loaded):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from models.dataset import load_measurements
+from models.diagnosis.bench_options import usual_sigma
 from models.diagnosis.diagnose import diagnose
-from models.diagnosis.observations import observe
+from models.diagnosis.observations import CHANNELS, observe
 from models.diagnosis.signatures import signatures
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
@@ -98,3 +99,13 @@ def test_a_part_that_the_baseline_replaces_has_no_spread_of_its_own() -> None:
     frame = simulated_campaign(baseline, seed=3, count=10)
     known = signatures(observe(load_measurements(frame).frame, baseline.converter), baseline)
     assert "transformer.magnetizing_H" not in known.spread_names
+
+
+def test_what_a_reading_scatters_by_is_as_much_larger() -> None:
+    power_W = np.array([0.0, 200.0, 2000.0])
+    one, ten = (
+        usual_sigma(CHANNELS, count * power_W, converter)
+        for count, converter in ((1, prototype()), (COUNT, ten_in_parallel()))
+    )
+    larger = [COUNT if c.unit in ("W", "A") else 1 for c in CHANNELS]
+    assert ten == pytest.approx(one * np.array(larger))
