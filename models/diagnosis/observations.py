@@ -42,6 +42,8 @@ class Channel:
         return replace(self, floor=self.floor * own, accuracy=self.accuracy * own, watt=watt)
 
 
+# Assumption: floors are about the last digit of what analyzers, controllers and thermocouples report; accuracies are
+# feared, and taken for less where the readings show it (:mod:`models.diagnosis.setting`).
 CHANNELS: tuple[Channel, ...] = (
     Channel(name="efficiency", column="P1_W", unit="W", floor=0.01, accuracy=0.05),
     Channel(name="D0", column="D0", unit="Th", floor=1.5e-4, accuracy=3e-4, watt=5e-4),
