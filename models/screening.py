@@ -28,6 +28,7 @@ KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 i
 ABSOLUTE_ZERO_C = -273.15
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
 MOST_APART_S = 86_400.0  # between rows of a campaign: more are milliseconds
+LEAST_APART_S = 0.1  # of settled readings that last: less are minutes, hours or a spreadsheet's days
 TIMES_OF_DAY = ("2026-11-20T22:14:05", "20.11.2026 22:14:05", "22:14:05")
 # of the power, in the median row: ten times what analyzers specify for a dc voltage and a current together
 _MAKE_UP = 0.01
@@ -200,12 +201,15 @@ def _no_seconds(given: pd.Series) -> str | None:
         one = f"reads {moments[0]:g} in all rows" if moments.size and len(given) > 1 else ""
         return f"time_s: {one}: time does not go on, so it is left empty" if one else None
     apart_s = float(np.median(np.diff(moments)))
-    if apart_s < MOST_APART_S:
+    if LEAST_APART_S <= apart_s < MOST_APART_S:
         return None
-    return (
-        f"time_s: rows are {apart_s:g} s apart (median), more than a day, so it is left empty; if these are "
-        f"milliseconds, {_in_factor('time_s', '0.001')}"
-    )
+    apart = f"time_s: rows are {float(f'{apart_s:.3g}'):g} s apart (median)"
+    if apart_s < LEAST_APART_S:
+        return (
+            f"{apart}, less than any reading takes to settle, so it is left empty; if these are hours, "
+            f"{_in_factor('time_s', '3600')}; if a spreadsheet's days, *86400 does"
+        )
+    return f"{apart}, more than a day, so it is left empty; if these are milliseconds, {_in_factor('time_s', '0.001')}"
 
 
 def _times_of_day(given: pd.Series) -> pd.Series:

@@ -379,6 +379,8 @@ def test_a_missing_efficiency_is_called_so_where_there_is_no_input_power() -> No
     ("time_s", "says"),
     [
         (7.0, "reads 7 in all rows: time does not go on"),
+        ([46350.0, 46350.0021, 46350.0042], r"0.0021 s apart \(median\).*a spreadsheet's days, \*86400"),
+        ([0.0, 0.05, 0.1], r"hours.*time_s\*3600"),
         ([0.0, 180_000.0, 360_000.0], r"180000 s apart \(median\).*time_s\*0.001"),
     ],
 )

@@ -111,9 +111,7 @@ def test_points_are_proposed_up_to_what_a_diagnosis_takes() -> None:
     assert np.count_nonzero(~share[1]) > 5  # of 25 pairs of D1 and D2: those that do not carry all
 
 
-@pytest.mark.parametrize(
-    ("own_s", "proposed"), [(400e-9, "200"), (100e-9, "50"), (0.0, None), (4e-6, None)]
-)
+@pytest.mark.parametrize(("own_s", "proposed"), [(400e-9, "200"), (100e-9, "50"), (0.0, None), (4e-6, None)])
 def test_more_dead_time_goes_by_the_converters_own_and_stays_allowed(
     own_s: float, proposed: str | None
 ) -> None:
