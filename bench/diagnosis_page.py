@@ -13,6 +13,7 @@ from bench import charts, diagnosis_charts
 from bench.questions import diagnosis_actions
 from bench.report import environment, rows_left_out
 from bench.so_far import so_far_text
+from bench.verdict_wording import unexplained_text, verdict_text
 from bench.wording import (
     channel_name,
     counted,
@@ -22,8 +23,6 @@ from bench.wording import (
     points_text,
     probable_causes,
     size_text,
-    unexplained_text,
-    verdict_text,
 )
 from sim.effects.catalogue import effect
 

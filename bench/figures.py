@@ -17,14 +17,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from bench.bands import loaded_rows
 from bench.charts import DIFFERENCE, OKABE_ITO
 from bench.report import ReportData
-from bench.wording import (
-    MODEL_NAMES,
-    effect_name,
-    parameter_text,
-    probability_text,
-    probable_causes,
-    verdict_text,
-)
+from bench.verdict_wording import verdict_text
+from bench.wording import MODEL_NAMES, effect_name, parameter_text, probability_text, probable_causes
 
 TEXT, SOFT = "#1b1f24", "#59636e"
 DIVERGING = LinearSegmentedColormap.from_list("difference", DIFFERENCE)

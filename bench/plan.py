@@ -8,7 +8,6 @@ with some of its candidates, spread out, and grows (:mod:`bench.adaptive`).
 
 import csv
 import math
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -23,12 +22,12 @@ from bench.config import AdaptiveConfig, BenchConfig, CampaignConfig, PlanConfig
 from bench.errors import InputError, Problem
 from bench.prediction import Asked, Predictor
 from bench.within import Within
+from bench.wording import alike
 
 AMBIENT_C = 25.0  # the plan is made before anything is measured
 # of the power, that a candidate must leave: closer to the most that is carried nothing can be told
 SPARE = 0.12
 TRIES_PER_POINT = 200  # a box with less than 1/200 feasible is a mistake in its ranges
-_NUMBER = re.compile(r"(?<![A-Za-z0-9.])\d+(\.\d+)?")  # reasons that differ in a number only are one
 CSV_COLUMNS = ("D1", "D2", "P_set_W")
 
 Box = NDArray[np.float64]  # (N, 3): D1, D2, power_W
@@ -253,7 +252,7 @@ def _corners(campaign: CampaignConfig) -> tuple[NDArray[np.float64], NDArray[np.
 def _reachable(candidates: Box, predict: Predictor) -> tuple[Box, Counter[str]]:
     D1, D2, power_W = candidates.T
     forecast = predict(Asked(D1=D1, D2=D2, power_W=power_W, ambient_C=AMBIENT_C))
-    reasons = Counter(_NUMBER.sub("…", str(reason)) for reason in forecast.reason[~forecast.feasible])
+    reasons = alike(Counter(map(str, forecast.reason[~forecast.feasible])))
     return candidates[forecast.feasible], reasons
 
 

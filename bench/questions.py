@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from bench.verdict_wording import possible
 from bench.wording import (
     SHOWN,
     action_text,
@@ -13,7 +14,7 @@ from bench.wording import (
     parameter_text,
     points_text,
     probable_causes,
-    suspected,
+    size_text,
 )
 
 _WORSE = 1.2  # times as far off: a cause that shows in other channels leaves efficiency nearly as it was
@@ -151,6 +152,21 @@ def _alike(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return list((diagnosis.get("unknown") or {}).get("rows") or ())
 
 
+def _values_kept(diagnosis: Mapping[str, Any]) -> str:
+    """Which values the extended model holds, which need not be the most probable ones; empty where it says none."""
+    kept = [
+        f"{effect_name(str(cause['effect']))} {size_text(str(head['name']), float(head['in_model']))}"
+        for cause in probable_causes(diagnosis)
+        if cause["effect"] in (diagnosis.get("named") or ())
+        and (head := (cause.get("parameters") or [{}])[0]).get("in_model") is not None
+    ]
+    return (
+        f" It holds {join(kept)}: inside the interval of a value, what predicts these efficiencies best."
+        if kept
+        else ""
+    )
+
+
 def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What a diagnosis asks for, the most urgent first."""
     todo = first_questions(diagnosis)
@@ -168,8 +184,10 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
             + (f", to settle {told}." if told else ".")
         )
     if diagnosis.get("model") and diagnosis.get("verdict") == "named" and not extension_worse(diagnosis):
-        todo.append(f"Simulate with the extended model from now on: {diagnosis['model']}.")
+        todo.append(
+            f"Simulate with the extended model from now on: {diagnosis['model']}.{_values_kept(diagnosis)}"
+        )
     if diagnosis.get("verdict") == "consistent":
-        first = _NOT_YET if suspected(diagnosis) else _AGREES
+        first = _NOT_YET if possible(diagnosis) else _AGREES
         todo.insert(0, f"{first} What follows would make sure." if todo else first)
     return todo

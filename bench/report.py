@@ -17,6 +17,7 @@ from plotly.offline import get_plotlyjs
 from bench import charts
 from bench.bands import loaded_rows
 from bench.questions import diagnosis_actions
+from bench.verdict_wording import unexplained_text, verdict_class, verdict_text
 from bench.wording import (
     MODEL_NAMES,
     action_text,
@@ -35,9 +36,6 @@ from bench.wording import (
     probable_causes,
     size_text,
     unbroken,
-    unexplained_text,
-    verdict_class,
-    verdict_text,
     words,
 )
 from sim.effects.catalogue import effect

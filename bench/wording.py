@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeGuard
 
@@ -10,6 +11,7 @@ _UNITS = {
     "F": "F", "J": "J", "Hz": "Hz", "K_per_h": "K/h",
 }  # fmt: skip
 _HOUR_S = 3600.0
+_NUMBER = re.compile(r"(?<![A-Za-z0-9.])\d+(\.\d+)?")  # of its own, not that of a name like D1
 _PREFIXED = ("Ω", "H", "s", "F", "J")  # units that bench people say with a prefix
 _PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
 
@@ -64,20 +66,6 @@ MODEL_NAMES = {
 }
 
 SHOWN = 0.01  # the probability from which a cause is shown to people
-PLACES = {
-    "input": "at the input",
-    "ac link": "in the ac link",
-    "output": "at the output",
-    "timing": "in the timing",
-    "ac elements": "of the ac elements",
-}  # of a leftover, as words; the others are words already
-
-VERDICTS = {
-    "consistent": "Simulation and measurement agree",
-    "named": "Cause named",
-    "group": "One cause of a tied group",
-    "unknown": "Something is wrong that no known cause explains",
-}
 
 
 def effect_name(name: str) -> str:
@@ -270,6 +258,18 @@ def counted(count: int, thing: str, things: str = "") -> str:
     return f"{count} {thing}" if count == 1 else f"{count} {things or thing + 's'}"
 
 
+def alike(reasons: Mapping[str, int]) -> Counter[str]:
+    """Counts of reasons, those that differ in a number only as one.
+
+    >>> alike({"D1 and D2 carry less than 150 W": 2, "D1 and D2 carry less than 90.5 W": 1, "no steady state found": 1})
+    Counter({'D1 and D2 carry less than … W': 3, 'no steady state found': 1})
+    """
+    found: Counter[str] = Counter()
+    for reason, count in reasons.items():
+        found[_NUMBER.sub("…", reason)] += count
+    return found
+
+
 def join(words: Sequence[str], last: str = "and") -> str:
     """A list in a sentence.
 
@@ -283,95 +283,6 @@ def probable_causes(diagnosis: Mapping[str, Any], least: float = SHOWN) -> list[
     """The causes of at least this probability, the most probable first."""
     causes = [cause for cause in diagnosis.get("causes") or () if float(cause["probability"]) >= least]
     return sorted(causes, key=lambda cause: -float(cause["probability"]))
-
-
-def suspected(diagnosis: Mapping[str, Any]) -> list[str]:
-    """Causes that are more probable than not, with their probabilities, the most probable first.
-
-    >>> suspected({"causes": [{"effect": "dead_time", "probability": 0.7}]})
-    ['dead time (70.0 %)']
-    """
-    return [
-        f"{effect_name(str(cause['effect']))} ({probability_text(float(cause['probability']))})"
-        for cause in probable_causes(diagnosis, 0.5)
-    ]
-
-
-def verdict_class(diagnosis: Mapping[str, Any]) -> str:
-    """What colours the box of a verdict: a suspect is no agreement.
-
-    >>> verdict_class({"verdict": "consistent", "causes": [{"effect": "dead_time", "probability": 0.7}]})
-    'suspected'
-    """
-    verdict = str(diagnosis.get("verdict", ""))
-    return "suspected" if verdict == "consistent" and suspected(diagnosis) else verdict
-
-
-def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
-    """What no cause of the catalogue explains: how probable, how large, where; empty where there is hardly anything.
-
-    >>> law = {"formula": "2 W * P/kW", "formula_explains": 0.9}
-    >>> print(unexplained_text({"unknown": law | {"probability": 0.8, "rms_W": 1.2, "location": "input"}}))
-    80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input, about 2 W * P/kW (90 % of it)
-    """
-    unknown = diagnosis.get("unknown") or {}
-    if unknown.get("probability", 0.0) < 0.01:
-        return ""
-    said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
-    if not unknown.get("formula"):
-        return said
-    place, *rest = unknown["location"].split(", ")
-    where = ", ".join([PLACES.get(place, place), *rest])
-    if fixed(unknown["rms_W"], 2) == "0.00":  # timing and the ac elements move no watts
-        return f"{said}, {where}"
-    about = f"about {unknown['formula']} ({per_cent(unknown['formula_explains'], 0)} of it)"
-    return minus(f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}, {about}")
-
-
-def verdict_text(diagnosis: Mapping[str, Any]) -> str:
-    """The verdict as one headline.
-
-    >>> verdict_text({"verdict": "group", "groups": [["fan_step", "auxiliary_power"]]})
-    'fan power step or auxiliary power: these data cannot tell which'
-    >>> verdict_text({"verdict": "named", "named": ["dead_time"], "unknown": {"probability": 0.8}})
-    'Cause named beside something unknown (80.0 %): dead time'
-    >>> suspected = {"verdict": "consistent", "consistent": {"probability": 0.25}}
-    >>> verdict_text(suspected | {"causes": [{"effect": "dead_time", "probability": 0.7}]})
-    'Not sure: dead time (70.0 %) is suspected, or nothing is wrong (25.0 %)'
-    >>> left_over = {"verdict": "unknown", "unknown": {"probability": 0.4}}
-    >>> verdict_text(left_over | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
-    'Something is wrong: dead time (60.0 %), or what no known cause explains'
-    >>> nothing_left = left_over | {"unknown": {"probability": 0.0}}
-    >>> verdict_text(nothing_left | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
-    'Something is wrong: dead time (60.0 %) is suspected, but may be no further off than parts are'
-    """
-    verdict = str(diagnosis.get("verdict", "unknown"))
-    named, groups = diagnosis.get("named") or (), diagnosis.get("groups") or ()
-    tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups)
-    leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
-    unknown = f"something unknown ({probability_text(leftover)})" if leftover >= 0.5 else ""
-    if verdict == "named" and named:
-        beside = f"; and {tied}: these data cannot tell which" if groups else ""
-        first_said = "Cause named" if len(named) == 1 else "Causes named"
-        first_said += f" beside {unknown}" if unknown else ""
-        return f"{first_said}: {join([effect_name(name) for name in named])}{beside}"
-    if verdict == "group":
-        return f"{f'Beside {unknown}, ' if unknown else ''}{tied}: these data cannot tell which"
-    suspects = suspected(diagnosis)
-    likeliest = next(iter(suspects), "")
-    if verdict == "consistent" and suspects:
-        nothing = probability_text(float((diagnosis.get("consistent") or {}).get("probability", 0.0)))
-        are = "is" if len(suspects) == 1 else "are"
-        return f"Not sure: {join(suspects)} {are} suspected, or nothing is wrong ({nothing})"
-    if verdict == "unknown" and likeliest and (diagnosis.get("unknown") or {}).get("probability", 1.0) < 0.5:
-        if leftover < SHOWN:
-            return f"Something is wrong: {likeliest} is suspected, but may be no further off than parts are"
-        return f"Something is wrong: {likeliest}, or what no known cause explains"
-    sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
-    if verdict == "unknown" and sure:
-        explain = "explains" if len(sure) == 1 else "explain"
-        return f"More is wrong than {join([effect_name(name) for name in sure])} {explain}, and no known cause is it"
-    return VERDICTS.get(verdict, verdict)
 
 
 def _scaled(name: str, value: float) -> tuple[float, str, str]:

@@ -14,8 +14,9 @@ from bench.commands.live import live
 from bench.commands.options import check_folder
 from bench.commands.streams import err, out, stamp
 from bench.hidden import parse_hidden
+from bench.verdict_wording import verdict_text
 from bench.whole_file import write_whole
-from bench.wording import MODEL_NAMES, verdict_text
+from bench.wording import MODEL_NAMES
 
 app = typer.Typer()
 

@@ -21,6 +21,7 @@ from bench.model_file import model_from, rests_on, write_model
 from bench.questions import first_questions
 from bench.so_far import measured_so_far, so_far_text
 from bench.table_file import write_table
+from bench.verdict_wording import unexplained_text, verdict_text
 from bench.whole_file import write_whole
 from bench.wording import (
     action_text,
@@ -32,8 +33,6 @@ from bench.wording import (
     points_text,
     probability_text,
     probable_causes,
-    unexplained_text,
-    verdict_text,
 )
 from models.dataset import Measurements, load_measurements
 from models.switching_frequency import StatedFrequency, stated_frequencies
@@ -196,6 +195,8 @@ def tell(plain: dict[str, Any]) -> None:
     gap, gain = plain["gap"], plain["gain"]
     if so_far := so_far_text(plain):
         out.print(escape(so_far))
+    for note in plain.get("notes") or ():
+        out.print(escape(f"read: {note}"))
     out.print(f"{plain['points']} points; channels: {', '.join(map(channel_name, plain['channels']))}")
     efficiency = f"{points_text(gap['mean_abs_efficiency'])} points of efficiency"
     out.print(minus(f"gap: {efficiency}, {gap['mean_loss_W']:+.2f} W of loss, mean"))

@@ -96,7 +96,7 @@ def _settle(store: Store, data: TrainingData, retraining: Retraining, simulator:
 
 
 def _diagnose(store: Store, data: TrainingData, simulator: Model) -> None:
-    from bench.wording import verdict_text
+    from bench.verdict_wording import verdict_text
     from models.diagnosis.diagnose import diagnose as find_cause  # here: it loads slowly
 
     newest = data.campaigns[-1]

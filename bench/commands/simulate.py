@@ -17,6 +17,7 @@ from bench.model_file import model_from
 from bench.set_points import parse_space, read_points
 from bench.sweep import CHUNK_ROWS, Rows, Sweep, TableRows, Watch, run_sweep
 from bench.table_file import check_ending
+from bench.wording import alike
 from bench.workers import LOCAL, Workers
 
 app = typer.Typer()
@@ -74,7 +75,7 @@ def simulate_(
         swept = run_sweep(sweep, Workers(processes=processes, dask=dask), watch)
     resumed = f", {swept.resumed} of {len(sweep)} chunks were there" if swept.resumed else ""
     out.print(escape(f"{swept.points} points, {swept.feasible} feasible{resumed}, written to {out_file}"))
-    for reason, count in swept.reasons.most_common(3):
+    for reason, count in alike(swept.reasons).most_common():
         out.print(escape(f"  {count} × {reason}"))
 
 

@@ -13,7 +13,8 @@ from bench.dashboard.kept import chosen_optimum, decision_rows, model_errors, mo
 from bench.dashboard.progress import progress
 from bench.dashboard.watcher import Feed
 from bench.errors import BenchError
-from bench.wording import effect_name, parameter_text, probability_text, probable_causes, verdict_text
+from bench.verdict_wording import verdict_text
+from bench.wording import effect_name, parameter_text, probability_text, probable_causes
 
 HINT = "No diagnosis of this campaign yet: d2ea diagnose {id}, or d2ea retrain --watch beside it."
 

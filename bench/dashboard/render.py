@@ -6,6 +6,7 @@ from typing import Any
 
 from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 
+from bench.verdict_wording import verdict_class
 from bench.wording import (
     action_text,
     added_power,
@@ -16,7 +17,6 @@ from bench.wording import (
     per_cent,
     points_text,
     probability_text,
-    verdict_class,
 )
 
 TEMPLATES = Path(__file__).with_name("templates")

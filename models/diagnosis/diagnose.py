@@ -186,6 +186,7 @@ class Diagnosis:
                 "ci95": list(interval(self.refinery, cause.fit, cause.effect)),
                 "off": head.off,
                 "at_bound": term.at_bound,
+                "in_model": self.extended.effects.get(cause.effect, {}).get(head.name),
             }
         ]
         for p in entry.parameters[1:]:
@@ -319,7 +320,9 @@ def _diagnosed(
         leading=chosen,
         sigma=setting.sigma,
         edge=usable.edge,
-        rejected=rows_left_out(measurements, [*not_usable(whole, first, observations), *outliers(setting)]),
+        rejected=rows_left_out(
+            measurements, [*not_usable(whole.frame, first, observations), *outliers(setting)]
+        ),
         rejected_columns=usable.rejected_columns,
         held_out=held_out,
         ahead=ahead,

@@ -4,9 +4,10 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from models.dataset import Measurements
-from models.diagnosis.near_limit import LEAST_SPARE, margin
+from models.diagnosis.near_limit import LEAST_SPARE
 from models.diagnosis.observations import Observations
 from models.diagnosis.setting import Setting
 from models.diagnosis.usable import Usable
@@ -25,19 +26,19 @@ def rows_left_out(measurements: Measurements, found: Iterable[dict[str, Any]]) -
     return [*impossible, *(row | {"row": measurements.rows[row["row"]]} for row in found)]
 
 
-def not_usable(whole: Observations, first: Usable, kept: Observations) -> list[dict[str, Any]]:
-    """Places in the frame of rows and single readings that cannot be used, with the reason.
+def not_usable(frame: pd.DataFrame, first: Usable, kept: Observations) -> list[dict[str, Any]]:
+    """Places in the ``frame`` of rows and single readings that cannot be used, with the reason.
 
-    Of the ``whole``, the ``first`` is what the baseline carries with power to spare and every variant predicts, and
-    ``kept`` what the explanation that led then carries, too.
+    The ``first`` is what the baseline carries with power to spare and every variant predicts, and ``kept`` what the
+    explanation that led then carries, too.
     """
-    reasons = {int(row): _near(margin(whole)) for row in np.unique(first.edge.row)}
+    reasons = {int(row): _near(first.margin) for row in np.unique(first.edge.row)}
     reasons |= {
         int(row): _near(LEAST_SPARE, " beside the first explanation")
         for row in np.setdiff1d(first.observations.row, kept.row)
     }
     rows = [
-        {"row": row, "column": "P2_W", "value": float(whole.frame.iloc[row]["P2_W"]), "reason": reason}
+        {"row": row, "column": "P2_W", "value": float(frame.iloc[row]["P2_W"]), "reason": reason}
         for row, reason in sorted(reasons.items())
     ]
     o = first.unpredicted

@@ -280,17 +280,20 @@ class _Race:
     def steps(self, most: int, allowed: Allowed) -> tuple[list[NextMeasurement], list[float]]:
         """Steps in the order of their worth, and what they separate each pair by, squared.
 
-        What is behind the last step that is worth doing, by itself or with all that follow it, is left out.
+        What is behind the last step that is worth doing, by itself or with all that follow it, is left out. What is
+        done by hand is done once: it errs the same way again.
         """
-        weight = self._weight()
+        weight, minutes = self._weight(), self.options.minutes
         reached, gains, chosen = np.zeros(len(self.pairs)), list[Array](), list[tuple[int, int]]()
         for _ in range(most):
             unsettled = reached < SEPARATED**2
             if not np.any(unsettled):
                 break
             gain = self._gains()
-            worth = (weight * np.exp(-0.5 * reached)) @ gain / self.options.minutes
+            worth = (weight * np.exp(-0.5 * reached)) @ gain / minutes
             best = int(np.argmax(worth))
+            if self.options.what[best].by_hand:
+                minutes[best] = np.inf
             chosen.append((best, int(np.argmax(np.where(unsettled, weight * gain[:, best], -1.0)))))
             gains.append(gain[:, best])
             reached = reached + gain[:, best]

@@ -112,6 +112,14 @@ class Observations:
         used, channel = np.unique(self.channel, return_inverse=True)
         return replace(self, channels=tuple(self.channels[k] for k in used), channel=channel.astype(np.intp))
 
+    def without(self, columns: Iterable[str]) -> Self:
+        """The same without the channels of these columns; itself where it has none of them."""
+        left = [name for name in set(columns) if any(c.column == name for c in self.channels)]
+        if not left:
+            return self
+        kept = np.array([c.column not in left for c in self.channels])[self.channel]
+        return self.take(kept).in_use()
+
     def and_also(self, others: Self) -> Self:
         """These readings and others of the same frame, of all channels of either."""
         channels = tuple(dict.fromkeys([*self.channels, *others.channels]))

@@ -214,7 +214,10 @@ def _other_unit(c: _Column) -> str | None:
             return "is far nearer to what is expected in degrees Fahrenheit; temperatures are in degC"
         return None
     if c.name == "D0" and (typical := float(np.median(np.abs(c.measured)))) > 1.0:
-        return f"{typical:.3g} in the median, without its sign: is it in degrees? D0 is in half periods of 180 degrees"
+        return (
+            f"{typical:.3g} in the median, without its sign: is it in degrees? D0 is in half periods of 180 degrees; "
+            f"d2ea import --column D0=D0*{1 / 180:.6f} converts it"
+        )
     if c.name in ("D0", "P1_W"):
         return None
     ratio = float(np.median(c.measured / c.expected))

@@ -19,6 +19,7 @@ from models.diagnosis.near_limit import (
     LINK_INDUCTANCE,
     answers_about,
     first_looks,
+    margin,
     power_to_spare,
 )
 from models.diagnosis.noise import HOLDS
@@ -41,12 +42,13 @@ class TooFewPoints(ValueError):
 class Usable:
     """M readings with their signatures, and what is left out of them.
 
-    ``edge`` are the readings of rows that the baseline, or the cause that leads, carries with too little power to
-    spare; ``unpredicted`` those of other rows that some variant does not predict.
+    ``edge`` are the readings of rows that the baseline, by the ``margin`` that was asked for, or the cause that leads
+    carries with too little power to spare; ``unpredicted`` those of other rows that some variant does not predict.
     """
 
     observations: Observations
     known: Signatures
+    margin: float
     edge: Observations
     unpredicted: Observations
     rejected_columns: list[RejectedColumn]
@@ -151,6 +153,10 @@ def usable_readings(
     expected = observations.predicted(near)
     wrong, whole_columns = implausible(observations, expected)
     stuck, stretches = held(observations, expected, rows)
+    alone = whole.without(column.column for column in whole_columns)
+    if alone.efficiency_alone and not whole.efficiency_alone:  # rows count to nearer the limit then
+        again = usable_readings(alone, baseline, without, rows)
+        return replace(again, rejected_columns=[*whole_columns, *again.rejected_columns])
     rejected = [*whole_columns, *stretches]
     observations, edge = (o.mistrusting(c.column for c in rejected) for o in (observations, edge))
     known = signatures(observations, baseline, without, near=near)
@@ -163,5 +169,10 @@ def usable_readings(
             f"{LEAST_ROWS}. Is the model file that of this converter?"
         )
     return Usable(
-        observations=observations, known=known, edge=edge, unpredicted=unpredicted, rejected_columns=rejected
+        observations=observations,
+        known=known,
+        margin=margin(whole),
+        edge=edge,
+        unpredicted=unpredicted,
+        rejected_columns=rejected,
     )

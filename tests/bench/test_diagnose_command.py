@@ -11,6 +11,7 @@ import pytest
 
 from bench.cli import main
 from bench.commands.diagnose import MOST_ROWS
+from bench.model_file import read_model
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
 from sim.model import Model
@@ -48,6 +49,20 @@ def test_writes_answer_model_and_residuals(
     assert "core_loss_transformer" in (tmp_path / "d" / "model.toml").read_text()
     assert "residual_P1_W" in pd.read_csv(tmp_path / "d" / "residuals.csv")
     assert "Cause named: transformer core loss" in capsys.readouterr().out
+
+
+def test_how_the_table_was_read_and_what_the_model_holds_is_said(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frame = pd.read_csv(table)
+    frame.assign(I1_A=1.03 * frame["P1_W"] / frame["V1_V"]).to_csv(tmp_path / "off.csv", index=False)
+    assert _run("diagnose", tmp_path / "off.csv", "--out", tmp_path / "d") == 0
+    assert "read: I1_A: V1_V * I1_A is 1.03 times P1_W" in " ".join(capsys.readouterr().out.split())
+    (cause,) = json.loads((tmp_path / "d" / "diagnosis.json").read_text())["causes"]
+    kept = cause["parameters"][0]["in_model"]
+    assert kept == read_model(tmp_path / "d" / "model.toml").effects[cause["effect"]]["relative_error"]
+    low, high = cause["parameters"][0]["ci95"]
+    assert low <= kept <= high
 
 
 def test_a_missing_column_is_wrong_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -166,6 +166,33 @@ def test_a_suspect_is_said_at_once_and_is_no_agreement(page: DiagnosisPage, tmp_
     assert "Nothing needs changing" in sound
 
 
+def test_what_is_less_likely_than_nothing_is_said_all_the_same(page: DiagnosisPage, tmp_path: Path) -> None:
+    open_ = {"verdict": "consistent", "unknown": {"probability": 0.0}, "consistent": {"probability": 0.56}}
+    text = written(
+        replace(page, diagnosis=ANSWER | open_ | {"causes": [CAUSE | {"probability": 0.41}]}), tmp_path
+    )
+    assert "No fault proven: nothing is wrong (56.0 %), or ac-link resistance (41.0 %)" in text
+    assert '<section class="verdict suspected"' in text
+    hardly = written(
+        replace(page, diagnosis=ANSWER | open_ | {"causes": [CAUSE | {"probability": 0.1}]}), tmp_path
+    )
+    assert "Simulation and measurement agree" in hardly
+
+
+def test_the_value_that_the_model_file_holds_is_said(page: DiagnosisPage, tmp_path: Path) -> None:
+    head = CAUSE["parameters"][0] | {"in_model": 0.0763}
+    text = written(replace(page, diagnosis=ANSWER | {"causes": [CAUSE | {"parameters": [head]}]}), tmp_path)
+    assert "model.toml. It holds ac-link resistance 76.3 mΩ" in text
+    assert "It holds" not in written(page, tmp_path)  # as kept by an earlier version
+
+
+def test_how_the_table_was_read_stands_before_the_residuals(page: DiagnosisPage, tmp_path: Path) -> None:
+    said = "I1_A: V1_V * I1_A is 1.03 times P1_W (median)"
+    text = written(replace(page, diagnosis=ANSWER | {"notes": [said]}), tmp_path)
+    assert text.index("What to do") < text.index(said) < text.index("Where measurement and simulation differ")
+    assert "How the table was read" not in written(page, tmp_path)
+
+
 def test_a_virtual_lab_is_labelled(page: DiagnosisPage, tmp_path: Path) -> None:
     assert "VIRTUAL LAB" not in written(page, tmp_path)
     assert "VIRTUAL LAB" in written(replace(page, virtual=True), tmp_path)

@@ -143,7 +143,7 @@ def test_rows_that_a_cause_leaves_no_power_to_spare_take_no_part(
     # what takes no part near the limit is still of use to a surrogate
     lost = np.setdiff1d(usable.observations.row, expected)
     np.testing.assert_array_equal(np.unique(found.edge.row), np.union1d(usable.edge.row, lost))
-    rows = [row for row in not_usable(whole, usable, found.observations) if row["column"] == "P2_W"]
+    rows = [row for row in not_usable(whole.frame, usable, found.observations) if row["column"] == "P2_W"]
     listed = {row["row"]: row["reason"] for row in rows}
     first = set(usable.edge.row.tolist())
     assert set(listed) == set(lost.tolist()) | first

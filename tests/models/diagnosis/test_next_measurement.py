@@ -59,6 +59,14 @@ def test_steps_end_when_the_rivals_are_apart(observations: Observations) -> None
     assert sum(s.repeats for s in steps) < MOST_STEPS
 
 
+def test_what_is_done_by_hand_is_done_once(observations: Observations) -> None:
+    """Resistances as near as what four wires are good to: to measure them again errs the same way."""
+    near = [rival("link_resistance", value) for value in (0.0600, 0.0615, 0.0630)]
+    steps = [step for step in next_measurements(observations, near) if step.by_hand]
+    assert any("four wires" in step.action for step in steps)
+    assert [step.repeats for step in steps] == [1] * len(steps)
+
+
 def test_without_a_channel_that_tells_it_is_asked_for() -> None:
     skew = [rival("gate_delay_skew", 60e-9), Rival(effects=(), probability=0.5, model=Model.baseline())]
     steps = next_measurements(observe(efficiency_alone(), prototype()), skew)

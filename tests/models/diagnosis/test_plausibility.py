@@ -6,6 +6,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from models.diagnosis.near_limit import LEAST_SPARE
 from models.diagnosis.observations import observe
 from models.diagnosis.plausibility import (
     ImplausibleTable,
@@ -14,6 +15,7 @@ from models.diagnosis.plausibility import (
     check_set_points,
     implausible,
 )
+from models.diagnosis.usable import usable_readings
 from sim.model import Model
 from sim.prototype import prototype
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
@@ -51,7 +53,11 @@ def test_a_campaign_as_it_should_be_keeps_all_columns(frame: pd.DataFrame) -> No
         ("D0", lambda f: math.pi * f["D0"], "in radians"),
         ("D0", lambda f: 0.5 * f["D0"], "in whole periods"),
         ("D0", lambda f: f["D0"] + (1 + f["D2"] - f["D1"]) / 2, "between the pulses' centres"),
-        ("D0", lambda f: 180 * f["D0"], "is it in degrees"),
+        (
+            "D0",
+            lambda f: 180 * f["D0"],
+            r"is it in degrees? D0 is in half periods of 180 degrees, and d2ea import --column D0=D0*0.005556",
+        ),
     ],
 )
 def test_a_column_that_is_something_else_is_left_out(
@@ -136,3 +142,17 @@ def test_a_warm_chamber_is_a_room_like_others(frame: pd.DataFrame) -> None:
     whole = frame.assign(T_ambient_C=25.0)
     places = [name for name in whole if str(name).startswith("T_")]
     assert rejected(whole.assign(**{name: whole[name] + 40.0 for name in places})) == []
+
+
+def test_a_table_counts_as_one_without_the_column_that_is_refused(frame: pd.DataFrame) -> None:
+    """Nearer the limit, too: with efficiency alone rows count up to 3 % from it."""
+    alone = frame[["kind", "D1", "D2", "P2_W", "P1_W", "efficiency"]]
+    degrees = alone.assign(D0=180 * frame["D0"])
+    bare, refused = (
+        usable_readings(observe(table, prototype()), BASELINE, frozenset(), range(len(table)))
+        for table in (alone, degrees)
+    )
+    assert [column.column for column in refused.rejected_columns] == ["D0"]
+    assert refused.margin == bare.margin == LEAST_SPARE
+    assert refused.observations.row.tolist() == bare.observations.row.tolist()
+    assert refused.edge.row.tolist() == bare.edge.row.tolist()
