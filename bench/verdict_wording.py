@@ -23,7 +23,7 @@ _PLACES = {
     "ac elements": "of the ac elements",
 }  # of a leftover, as words; the others are words already
 
-_VERDICTS = {
+VERDICTS = {
     "consistent": "Simulation and measurement agree",
     "named": "Cause named",
     "group": "One cause of a tied group",
@@ -130,4 +130,4 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     if verdict == "unknown" and sure:
         explain = "explains" if len(sure) == 1 else "explain"
         return f"More is wrong than {join([effect_name(name) for name in sure])} {explain}, and no known cause is it"
-    return _VERDICTS.get(verdict, verdict)
+    return VERDICTS.get(verdict, verdict)

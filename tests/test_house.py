@@ -15,7 +15,8 @@ from typer.main import get_command
 from bench.cli import build
 from bench.config import CampaignConfig, check
 from bench.store import COLUMNS
-from bench.wording import MODEL_NAMES, VERDICTS, effect_name
+from bench.verdict_wording import VERDICTS
+from bench.wording import MODEL_NAMES, effect_name
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
 from models.lut import Lut
