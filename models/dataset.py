@@ -75,7 +75,7 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
         raw = renamed(raw, names)
     except OtherNameError as error:
         raise DatasetError(f"{name}: {error}") from error
-    _check_columns(read, raw, name)
+    _check_columns(read, raw, name, names)
     frame, notes = numbers(raw)
     rejected = tuple(
         replace(
@@ -151,8 +151,11 @@ def _read(path: Path, names: Sequence[OtherName]) -> CsvTable:
         raise DatasetError(f"{path}: cannot be read as {suffix[1:]}: {said}") from error
 
 
-def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
-    """Raise DatasetError with every column that is missing or there twice, and the nearest name present."""
+def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str, names: Sequence[OtherName]) -> None:
+    """Raise DatasetError with every column that is missing or there twice, and the nearest name present.
+
+    Beside the options that were given it says those that are needed still, as they are to be typed.
+    """
     there = [str(column) for column in raw.columns]
     if not there:
         raise DatasetError(f"{name}: is empty")
@@ -183,8 +186,10 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str) -> None:
     required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there)}"
     if foreign and len(there) > 1:
         units = units_below(raw)
-        options = (as_option(ours, theirs, units.get(theirs)) for ours, theirs in near.items())
-        example = " ".join(options) or "--column OURS=THEIRS*FACTOR"
+        options = [each.as_option() for each in names]
+        options += [as_option(ours, theirs, units.get(theirs)) for ours, theirs in near.items()]
+        unguessed = [c for c in missing if c not in near and not _or_efficiency(c, near)]
+        example = " ".join([*options, *(f"--column {column}=THEIRS*FACTOR" for column in unguessed)])
         file = "" if name == _NO_FILE else f'"{name}" '
         required += f"; other names and units are taken by\nd2ea import {file}{example}"
     raise DatasetError("; ".join([f"{name}: {said}", *read.notes, required]))

@@ -25,17 +25,19 @@ _EXCHANGED = re.compile(r"\b(?P<ours>P1_W|P2_W)=(?P<other>P1_W|P2_W)(?!\*)")
 _ALSO_CALLED = {
     "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad"),
     "D2": ("inner_phase_shift", "innere_phase"),
-    "P1_W": ("pin", "p_in", "input_power", "power_in", "eingangsleistung"),
-    "P2_W": ("pout", "p_out", "output_power", "power_out", "ausgangsleistung"),
+    "P1_W": ("pin", "p_in", "input_power", "power_in", "eingangsleistung", "p_ein"),
+    "P2_W": ("pout", "p_out", "output_power", "power_out", "ausgangsleistung", "p_aus", "load", "load_power"),
     # analyzers number theirs
     "efficiency": ("eta", "η", "eff", "wirkungsgrad", "eta1", "eta_1", "η1", "eff1"),
     "time_s": ("timestamp", "zeit", "zeitstempel"),
-    "V1_V": ("u1", "vin", "v_in", "uin", "u_in", "input_voltage", "eingangsspannung"),
-    "V2_V": ("u2", "vout", "v_out", "uout", "u_out", "output_voltage", "ausgangsspannung"),
-    "I1_A": ("iin", "i_in", "input_current", "eingangsstrom"),
-    "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom"),
+    "V1_V": ("u1", "vin", "v_in", "uin", "u_in", "input_voltage", "eingangsspannung", "u_ein"),
+    "V2_V": ("u2", "vout", "v_out", "uout", "u_out", "output_voltage", "ausgangsspannung", "u_aus"),
+    "I1_A": ("iin", "i_in", "input_current", "eingangsstrom", "i_ein"),
+    "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom", "i_aus"),
+    "I_L_rms_A": ("irms", "i_rms", "irms_l", "rms_current", "irms_drossel", "drosselstrom"),
     "T_heatsink_C": (
         "heatsink", "heatsink_temperature", "t_hs", "temp_hs", "temphs", "kühlkörper", "kühlkörpertemperatur",
+        "t_kühlkörper",
     ),
     "kind": ("row_kind", "art", "zeilenart"),
     "T_ambient_C": ("ambient", "ambient_temperature", "umgebung", "umgebungstemperatur"),
@@ -75,6 +77,15 @@ class OtherName:
             )
         return cls(ours=ours, theirs=theirs, factor=_factor(text, factor, ours))
 
+    def as_option(self) -> str:
+        """As it was given to d2ea import.
+
+        >>> OtherName.parse("P1_W=Pin (kW)*1000").as_option()
+        '--column "P1_W=Pin (kW)*1000"'
+        """
+        times = f"*{self.factor:g}" if self.factor != 1.0 or "*" in self.theirs else ""
+        return f'--column "{self.ours}={self.theirs}{times}"'
+
 
 def _factor(text: str, factor: str, ours: str) -> float:
     try:
@@ -82,7 +93,9 @@ def _factor(text: str, factor: str, ours: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value) or value == 0:
-        raise OtherNameError(f"{text!r}: factor is {factor!r}; allowed is a number other than 0")
+        raise OtherNameError(
+            f"{text!r}: factor is {factor!r}; allowed is a number other than 0, such as 0.01"
+        )
     if value != 1.0 and ours not in NUMERIC_COLUMNS:
         raise OtherNameError(f"{text!r}: {ours} is no number, so it has no factor")
     return value
@@ -199,9 +212,8 @@ def as_option(ours: str, theirs: str, below: str | None = None) -> str:
     '--column "D2=phase [deg]*0.00555556"'
     """
     known = _IN_OURS | (_IN_HALF_PERIODS if ours in _DUTIES else {})
-    factor = known.get(unit_in(theirs) or below or "")
-    times = f"*{factor or 1:g}" if factor or "*" in theirs else ""
-    return f'--column "{ours}={theirs}{times}"'
+    factor = known.get(unit_in(theirs) or below or "", 1.0)
+    return OtherName(ours=ours, theirs=theirs, factor=factor).as_option()
 
 
 def _quantity(ours: str) -> str:

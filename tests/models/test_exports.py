@@ -65,6 +65,19 @@ def test_units_in_a_line_of_their_own_are_in_the_options_that_are_found(tmp_path
     assert [row.row for row in measured.rejected] == [1]  # the units
 
 
+def test_options_that_were_given_stay_beside_those_that_are_needed_still(tmp_path: Path) -> None:
+    file = written(tmp_path, "D1,D2,Load [W],eta [%],x\n0.8,0.2,600,98,1\n")
+    given = [OtherName.parse("efficiency=eta [%]*0.01")]
+    with pytest.raises(DatasetError) as caught:
+        load_measurements(file, given)
+    command = str(caught.value).splitlines()[-1]
+    assert command.endswith('--column "efficiency=eta [%]*0.01" --column "P2_W=Load [W]"')
+    nameless = written(tmp_path, "D1,D2,abc,eta [%]\n0.8,0.2,600,98\n")
+    with pytest.raises(DatasetError) as caught:
+        load_measurements(nameless, given)
+    assert str(caught.value).endswith('--column "efficiency=eta [%]*0.01" --column P2_W=THEIRS*FACTOR')
+
+
 def test_powers_the_wrong_way_round_are_put_right_as_the_message_says(tmp_path: Path) -> None:
     file = written(tmp_path, "D1,D2,P1_W,P2_W\n0.8,0.2,600,612\n")
     with pytest.raises(DatasetError, match="--column P1_W=P2_W --column P2_W=P1_W puts them right"):
