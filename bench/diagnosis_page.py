@@ -137,12 +137,14 @@ def _reaches(name: str, smallest: float | None) -> bool:
 
 
 def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """Effects that the design alone cannot tell apart, each with those it ties with."""
-    return [
-        (effect_name(s["effect"]), [effect_name(name) for name in s["tied_with"]])
-        for s in diagnosis["sight"]
-        if s["tied_with"]
-    ]
+    """Effects that the design alone cannot tell apart, each with those it ties with; no two of them twice."""
+    found, said = list[tuple[str, list[str]]](), set[frozenset[str]]()
+    for s in diagnosis["sight"]:
+        others = [name for name in s["tied_with"] if frozenset((s["effect"], name)) not in said]
+        said |= {frozenset((s["effect"], name)) for name in others}
+        if others:
+            found.append((effect_name(s["effect"]), [effect_name(name) for name in others]))
+    return found
 
 
 def _charts(page: DiagnosisPage) -> dict[str, str]:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from bench.diagnosis_charts import cause_bars, residual_columns, residual_maps
-from bench.diagnosis_page import DiagnosisPage, noise_rows, tiles, unseen, write_diagnosis_page
+from bench.diagnosis_page import DiagnosisPage, noise_rows, ties, tiles, unseen, write_diagnosis_page
 
 CAUSE = {
     "effect": "link_resistance", "probability": 0.997, "share_of_gap": 0.91, "tied_with": [],
@@ -191,6 +191,18 @@ def test_how_the_table_was_read_stands_before_the_residuals(page: DiagnosisPage,
     text = written(replace(page, diagnosis=ANSWER | {"notes": [said]}), tmp_path)
     assert text.index("What to do") < text.index(said) < text.index("Where measurement and simulation differ")
     assert "How the table was read" not in written(page, tmp_path)
+
+
+def test_two_that_are_tied_are_said_once_and_repeats_stand_with_their_step(
+    page: DiagnosisPage, tmp_path: Path
+) -> None:
+    names = ("auxiliary_power", "analyzer_offset")
+    seen = {"smallest": 1.0, "unit": "W", "visible": True}
+    both = [seen | {"effect": a, "tied_with": [b]} for a, b in (names, names[::-1])]
+    assert ties({"sight": both}) == [("auxiliary power", ["analyzer current offset"])]
+    again = ANSWER["next"][0] | {"repeats": 3}
+    text = written(replace(page, diagnosis=ANSWER | {"next": [again]}), tmp_path)
+    assert ", 3 times</td>" in text
 
 
 def test_a_virtual_lab_is_labelled(page: DiagnosisPage, tmp_path: Path) -> None:
