@@ -121,10 +121,12 @@ def tell_unsound(lines: Iterable[Line]) -> None:
     unsound = [line for line in lines if not line.sound]
     for line in unsound:
         err.print(f"[bold yellow]between rows:[/] {escape(str(line))}")
-    if any(line.zero_state_appears or not line.carries for line in unsound):
+    trips = [line for line in unsound if line.zero_state_appears or not line.carries]
+    if trips:
+        apart = ", ".join(f"up to {line.low_W:g} W and from {line.high_W:g} W on" for line in trips)
         err.print(
-            "a controller that follows the table may trip there: d2ea optimise --powers LOW:HIGH:STEP makes one of "
-            "the loads on one side of it"
+            f"a controller that follows the table may trip there. Two tables do without that line: make each by d2ea "
+            f"optimise --powers LOW:HIGH:STEP, {apart}"
         )
 
 
