@@ -58,7 +58,10 @@ def test_a_line_on_which_the_converter_may_trip_is_said_before_the_table_is_load
     assert "between rows: 400 to 800 W" in said
     assert "a zero state as short as the dead time" in said
     assert "between rows: 800 to 1600 W: power is not carried" in said
-    assert "d2ea optimise --powers LOW:HIGH:STEP, up to 400 W and from 800 W on, up to 800 W and from 1600 W" in said
+    assert (
+        "d2ea optimise --powers LOW:HIGH:STEP, up to 400 W and from 800 W on, up to 800 W and from 1600 W"
+        in said
+    )
 
 
 def test_a_table_that_names_no_converter_asks_to_make_sure(capsys: pytest.CaptureFixture[str]) -> None:
