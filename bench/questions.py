@@ -161,7 +161,7 @@ def _values_kept(diagnosis: Mapping[str, Any]) -> str:
         and (head := (cause.get("parameters") or [{}])[0]).get("in_model") is not None
     ]
     return (
-        f" It holds {join(kept)}: inside the interval of a value, what predicts these efficiencies best."
+        f" It holds {join(kept)}: of the values inside the interval, what predicts the measured efficiencies best."
         if kept
         else ""
     )
