@@ -123,6 +123,10 @@ class Sight:
         near = [name for name, sigma in self.rivals([own]).items() if sigma < LEAST_SIGMA]
         return (own, *sorted(near))
 
+    def nearest(self, own: str) -> float:
+        """Sigmas to the nearest effect that it can be told from; infinite where there is none."""
+        return min((s for s in self.rivals([own]).values() if s >= LEAST_SIGMA), default=float("inf"))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:

@@ -188,7 +188,7 @@ def ask(trial: BlindTrial) -> dict[str, Any]:
     A trial of a pool's design that cannot be seen is ``excluded`` and not diagnosed.
     """
     table = measured(trial)
-    truth: dict[str, Any] = {"excluded": False, "isolability": None, "tied": []}
+    truth: dict[str, Any] = {"excluded": False, "isolability": None, "tied": [], "nearest": None}
     if trial.design is not None:
         sight = sight_of(trial, table)
         truth["isolability"] = isolability(trial, sight)
@@ -196,6 +196,7 @@ def ask(trial: BlindTrial) -> dict[str, Any]:
             return truth | {"excluded": True}
         if trial.efficiency_only:
             truth["tied"] = list(sight.tied(trial.names[0]))
+            truth["nearest"] = sight.nearest(trial.names[0])
     seen = efficiency_table(table) if trial.efficiency_only else table
     return truth | {"answer": asdict(answered(seen))}
 

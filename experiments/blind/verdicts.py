@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.blind.draws import efficiency_only, foreign, nothing, pairs, singles
 from experiments.blind.part import Outcome, Part, Run
-from experiments.blind.scoring import Scored, Share, judged, share
+from experiments.blind.scoring import Scored, Share, judged, left_together, share
 from experiments.blind.trial import NOISES
 from experiments.harness.result import Cell, Table
 
@@ -94,7 +94,15 @@ def _efficiency_only(run: Run) -> Outcome:
             _by_effect("Efficiency only, by effect", scored),
             misses("Efficiency only", scored, _found),
         ),
-        notes=notes("efficiency only", scored),
+        notes=(*notes("efficiency only", scored), _by_chance(stated)),
+    )
+
+
+def _by_chance(stated: Sequence[Scored]) -> str:
+    expected = left_together(s.nearest for s in stated if s.nearest is not None)
+    return (
+        f"efficiency only: noise alone leaves {expected:.1f} of {len(stated)} causes in one group with the next that "
+        "the design can tell from them, whoever judges: those five sigma apart in 3 of 100 benches"
     )
 
 

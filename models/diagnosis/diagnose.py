@@ -278,7 +278,7 @@ def _diagnosed(
     progress(f"simulating {len(CATALOGUE) - len(unknown)} effects at {len(whole.frame)} points")
     first = usable_readings(whole, baseline, unknown, measurements.rows)
     found = find(first, baseline, progress)
-    usable, observations = found.usable, found.usable.observations
+    usable, observations = found.begun.usable, found.begun.usable.observations
     refinery = with_laws_as_read(found.setting.refinery, found.fits)
     setting = replace(found.setting, refinery=refinery)
     hypotheses = posterior(refinery, found.fits)
@@ -304,7 +304,7 @@ def _diagnosed(
         observations=observations,
         baseline=baseline,
         residual=refinery.residual,
-        noise=found.noise,
+        noise=found.begun.noise,
         gap=gap(observations, refinery.residual, ~setting.outliers),
         added={
             c.effect: Added.by(observations, refinery.residual, c.shift, ~setting.outliers)

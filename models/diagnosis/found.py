@@ -1,90 +1,102 @@
 """Runs the search, and once more without the rows that the leading cause brings close to the most they can carry."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.noise import ChannelNoise, estimate_noise
-from models.diagnosis.search import on_tangents, search
-from models.diagnosis.setting import Setting, set_up
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.search import search
+from models.diagnosis.setting import FirstSight, Setting, set_up
 from models.diagnosis.usable import Usable
 from sim.model import Model
 
 _FAR_AHEAD = 50.0  # in log evidence on tangents: no other cause alone comes near
 
 
-@dataclass(frozen=True, kw_only=True)
-class Found:
-    """The readings that take part, their noise, the setting that they are weighed in, and all that fits there."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Begun:
+    """The readings that take part, their noise, and a first sight of them: what is known before all is weighed."""
 
     usable: Usable
     noise: list[ChannelNoise]
-    setting: Setting
-    tangents: list[Fit] = field(repr=False)
+    sight: FirstSight
 
     @classmethod
     def of(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise] | None = None) -> Self:
-        """With all that is known before anything is searched: every effect alone on its tangent.
-
-        The ``noise`` is that of these readings where none is given.
-        """
+        """The ``noise`` is that of these readings where none is given."""
         observations, known = usable.observations, usable.known
         noise = noise or estimate_noise(observations, observations.value - known.baseline)
-        setting = set_up(observations, baseline, known, noise)
-        return cls(usable=usable, noise=noise, setting=setting, tangents=on_tangents(setting.refinery))
+        return cls(usable=usable, noise=noise, sight=FirstSight.of(observations, baseline, known, noise))
+
+    @property
+    def far_ahead(self) -> Fit | None:
+        """The cause that leads all others by far, before anything is searched; None where there is none."""
+        first, *others = sorted(self.sight.tangents, key=lambda fit: -fit.log_evidence)
+        ahead = all(first.log_evidence > fit.log_evidence + _FAR_AHEAD for fit in others)
+        return first if first.terms and ahead else None
+
+    def without_edge_of(self, fit: Fit, refinery: Refinery) -> "Begun | None":
+        """The same of the rows that the causes of a fit leave power to spare; None where all are.
+
+        Replicates tell the noise whether or not they have that power: two of them bend alike.
+        """
+        usable = self.usable.as_explained(refinery, fit)
+        if usable is self.usable:
+            return None
+        names = [channel.name for channel in usable.observations.channels]
+        return Begun.of(usable, refinery.baseline, [n for n in self.noise if n.channel in names])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What was begun, with the setting that all is weighed in, and all that fits there."""
+
+    begun: Begun
+    setting: Setting
+
+    @classmethod
+    def of(cls, begun: Begun) -> Self:
+        """With all that is known before anything is searched."""
+        return cls(begun=begun, setting=set_up(begun.sight))
 
     @cached_property
     def fits(self) -> list[Fit]:
         """What is found by a search."""
-        return search(self.setting.refinery, self.tangents)
+        return search(self.setting.refinery)
 
     @property
     def leading(self) -> Fit:
         """The most probable of the fits."""
         return max(self.fits, key=self.setting.refinery.log_probability)
 
-    @property
-    def far_ahead(self) -> Fit | None:
-        """The cause that leads all others by far, before anything is searched; None where there is none."""
-        first, *others = sorted(self.tangents, key=lambda fit: -fit.log_evidence)
-        ahead = all(first.log_evidence > fit.log_evidence + _FAR_AHEAD for fit in others)
-        return first if first.terms and ahead else None
-
-    def without_edge_of(self, fit: Fit, baseline: Model) -> Self:
-        """The same of the rows that the causes of a fit leave power to spare; itself where all are.
-
-        Replicates tell the noise whether or not they have that power: two of them bend alike.
-        """
-        usable = self.usable.as_explained(self.setting.refinery, fit)
-        if usable is self.usable:
-            return self
-        names = [channel.name for channel in usable.observations.channels]
-        return type(self).of(usable, baseline, [n for n in self.noise if n.channel in names])
-
 
 def find(usable: Usable, baseline: Model, progress: Callable[[str], None]) -> Found:
     """What is found in the rows that the explanation which leads in the end leaves power to spare.
 
-    Where one cause is far ahead before anything is searched, its rows are left out at once: what is found with all of
-    them is of no use then. If that cause does not lead in the end, it was not so.
+    Where one cause is far ahead at first sight, its rows are left out at once: what is found with all of them is of no
+    use then. If that cause does not lead in the end, it was not so.
     """
     progress("weighing the causes")
-    begun = Found.of(usable, baseline)
-    first = _at_first_sight(begun, baseline) or begun
-    last = first.without_edge_of(first.leading, baseline)
-    if last is not first:
-        progress("weighing them again without the rows that the first explanation leaves no power to spare")
-    return last
+    begun = Begun.of(usable, baseline)
+    first = _at_first_sight(begun) or Found.of(begun)
+    kept = first.begun.without_edge_of(first.leading, first.setting.refinery)
+    if kept is None:
+        return first
+    progress("weighing them again without the rows that the first explanation leaves no power to spare")
+    return Found.of(kept)
 
 
-def _at_first_sight(begun: Found, baseline: Model) -> Found | None:
+def _at_first_sight(begun: Begun) -> Found | None:
     """What is found without the rows of the cause that is far ahead; None where it leaves all, or does not lead then.
 
     With efficiency alone what bends there is asked of the state that a search has found, so that nothing is known yet.
     """
     if begun.usable.observations.efficiency_alone or (ahead := begun.far_ahead) is None:
         return None
-    kept = begun.without_edge_of(ahead, baseline)
-    return kept if kept is not begun and set(ahead.effects) <= set(kept.leading.effects) else None
+    if (kept := begun.without_edge_of(ahead, begun.sight.refinery)) is None:
+        return None
+    found = Found.of(kept)
+    return found if set(ahead.effects) <= set(found.leading.effects) else None

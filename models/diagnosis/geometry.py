@@ -107,15 +107,15 @@ class Geometry:
     @classmethod
     def of(cls, whitener: Whitener, spreads: Array, leftovers: Leftovers) -> Self:
         """The geometry of a covariance that contains the ``spreads`` and none of the ``leftovers``."""
-        size = len(spreads)
-        inner = whitener.inner(np.concatenate([spreads, leftovers.basis]))
+        solved, by_blocks = whitener.solve(spreads.T), _by_blocks(leftovers.basis, whitener.blocks)
+        on_basis = _seen(by_blocks, len(leftovers.basis), solved)
         return cls(
             whitener=whitener,
             leftovers=leftovers,
-            spreads_solved=whitener.solve(spreads.T).T,
-            between_spreads=inner[:size, :size],
-            admitted=_admitted(leftovers, inner, size),
-            basis_by_blocks=_by_blocks(leftovers.basis, whitener.blocks),
+            spreads_solved=solved.T,
+            between_spreads=spreads @ solved,
+            admitted=_admitted(leftovers, whitener.inner(leftovers.basis), on_basis),
+            basis_by_blocks=by_blocks,
         )
 
     def project(self, vectors: Array, *, basis: bool = True) -> Projection:
@@ -160,10 +160,7 @@ class Geometry:
 
     def _on_basis(self, solved: Array) -> Array:
         """Products (Q, k) of the leftovers' basis with solved vectors (M, k)."""
-        products = np.zeros((len(self.leftovers.basis), solved.shape[1]))
-        for readings, columns, own in self.basis_by_blocks:
-            products[columns] += own @ solved[readings]
-        return products
+        return _seen(self.basis_by_blocks, len(self.leftovers.basis), solved)
 
     def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
         """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""
@@ -309,17 +306,25 @@ def _by_blocks(basis: Array, blocks: Sequence[Block]) -> tuple[tuple[Block, Rows
     return tuple(found)
 
 
-def _admitted(leftovers: Leftovers, inner: Array, size: int) -> dict[tuple[str, float], _Admitted]:
-    """All leftovers let in, from products ``inner`` of so many spreads and the basis; shared columns are read once."""
+def _seen(by_blocks: Sequence[tuple[Block, Rows, Array]], size: int, solved: Array) -> Array:
+    """Products (Q, k) of a basis of that size, by blocks, with vectors (M, k)."""
+    products = np.zeros((size, solved.shape[1]))
+    for readings, columns, own in by_blocks:
+        products[columns] += own @ solved[readings]
+    return products
+
+
+def _admitted(leftovers: Leftovers, inner: Array, spreads: Array) -> dict[tuple[str, float], _Admitted]:
+    """All leftovers let in, from products of the basis with itself (Q, Q) and the spreads; columns are read once."""
     shared: dict[int, list[Leftover]] = {}
     for leftover in leftovers.configurations:
         shared.setdefault(id(leftover.columns), []).append(leftover)
     found = {}
     for alike in shared.values():
-        at, scale = size + alike[0].columns, np.array([leftover.amplitude_W for leftover in alike])
+        at, scale = alike[0].columns, np.array([leftover.amplitude_W for leftover in alike])
         between = scale[:, None, None] ** 2 * inner[at[:, None], at]
         between[:, np.arange(at.size), np.arange(at.size)] += 1.0
-        roots, on_spreads = np.linalg.cholesky(between), inner[at, :size]
+        roots, on_spreads = np.linalg.cholesky(between), spreads[at]
         log_det = 2 * np.sum(np.log(np.diagonal(roots, axis1=1, axis2=2)), axis=1)
         for k, leftover in enumerate(alike):
             found[leftover.key] = _Admitted(

@@ -24,7 +24,8 @@ _ROUNDS = 4
 _BEHIND = 30.0  # in log evidence: further behind the best, simulation will not bring a candidate back
 _LATE, _BEHIND_LATE = 1, 10.0  # rounds after which less has to do
 _BEHIND_ALONE = 300.0  # of nothing
-_STILL = 0.2  # of the value's standard deviation
+# of a value's standard deviation: a step that changes nothing, and one that gains an eighth in log evidence at most
+STILL, ROUGHLY = 0.2, 0.5
 # the same, of half a step that lost next to no evidence: what lies between gains an eighth
 _WORTH_HALVING = 0.5
 _LITTLE = 0.3  # in log evidence
@@ -208,8 +209,10 @@ class Refinery:
         weighed = self.weighed_all(found)
         return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(found, weighed, strict=True)]
 
-    def followed(self, fits: Iterable[Fit], leader: float = -np.inf) -> list[Fit]:
+    def followed(self, fits: Iterable[Fit], leader: float = -np.inf, still: float = ROUGHLY) -> list[Fit]:
         """Newton's steps from simulated fits, the best of each set, until all stand still, each to its best state.
+
+        They do where a step would be no longer than ``still`` standard deviations of the values.
 
         What falls far behind the ``leader`` is left where it is. A step that loses evidence is halved from the
         best state seen: where edges pass each other the simulation is not smooth. A fit without causes has steps of
@@ -218,7 +221,7 @@ class Refinery:
         best: dict[tuple[object, ...], Fit] = {}
         for fit in fits:
             best[_key(fit)] = max(best.get(_key(fit), fit), fit, key=lambda f: f.log_evidence)
-        ahead = self._onward(list(best.values()), leader)
+        ahead = self._onward(list(best.values()), leader, still)
         for turn in range(_ROUNDS):
             before = self.weighed_all([best[_key(fit)] for fit in ahead])
             if turn:
@@ -236,22 +239,22 @@ class Refinery:
                 if fit.log_evidence > known.log_evidence:
                     best[_key(fit)] = fit
                     gained = fit.log_evidence - known.log_evidence
-                    going += self._onward([fit], leader) if fit.terms or gained > _GAINED else []
+                    going += self._onward([fit], leader, still) if fit.terms or gained > _GAINED else []
                 else:
                     halved = 0.5 * (np.array([t.value for t in fit.terms]) - [t.value for t in known.terms])
                     little = known.log_evidence - fit.log_evidence < _LITTLE
-                    least = _WORTH_HALVING if little else _STILL
+                    least = max(still, _WORTH_HALVING) if little else still
                     if np.any(np.abs(halved) > least * there.sigma):
                         going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
             leader, ahead = max([leader, *(f.log_evidence for f in best.values())]), going
         return list(best.values())
 
-    def _onward(self, fits: list[Fit], leader: float) -> list[Fit]:
+    def _onward(self, fits: list[Fit], leader: float, still: float) -> list[Fit]:
         """The fits that have a step to go, moved by it."""
         moved = []
         for fit, weighed in zip(fits, self.weighed_all(fits), strict=True):
-            still = bool(fit.terms) and bool(np.all(np.abs(weighed.step) <= _STILL * weighed.sigma))
-            if still or not _in_reach(fit, weighed, leader, _BEHIND):
+            stands = bool(fit.terms) and bool(np.all(np.abs(weighed.step) <= still * weighed.sigma))
+            if stands or not _in_reach(fit, weighed, leader, _BEHIND):
                 continue
             reach = _REACH * np.array([t.head.prior for t in fit.terms])
             moved.append(fit.moved(np.clip(weighed.step, -reach, reach)))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.hypotheses import EVERYDAY, Fit, Term, evidence_of, weigh
-from models.diagnosis.refinery import Refinery, hopeless
+from models.diagnosis.refinery import STILL, Refinery, hopeless
 from models.diagnosis.signatures import Signature, step_of
 
 Array = NDArray[np.float64]
@@ -45,12 +45,9 @@ def on_tangents(refinery: Refinery) -> list[Fit]:
     return [replace(nothing, log_evidence=refinery.weighed(nothing).log_evidence), *lines]
 
 
-def search(refinery: Refinery, tangents: Sequence[Fit] | None = None) -> list[Fit]:
-    """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover.
-
-    ``tangents`` are the first look of :func:`on_tangents`, where somebody has had it.
-    """
-    fits, scans = _alone(refinery, tangents or on_tangents(refinery))
+def search(refinery: Refinery) -> list[Fit]:
+    """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
+    fits, scans = _alone(refinery, on_tangents(refinery))
     straight = [*(_term(s) for s in refinery.known.effects), *_secants(fits[0], scans)]
     for size, most in ((2, _PAIRS), (3, _TRIPLES)):
         larger = _larger(refinery, fits, straight, size, most)
@@ -73,7 +70,7 @@ def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
     while leading := _to_sharpen(refinery, sharp, rest):
         ids = {id(fit) for fit in leading}
         rest = [fit for fit in rest if id(fit) not in ids]
-        sharp += refinery.followed(refinery.sharpened(leading))
+        sharp += refinery.followed(refinery.sharpened(leading), still=STILL)
     return [*rest, *sharp]
 
 
@@ -97,6 +94,7 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
     nothing, *lines = tangents
     straight = nothing.log_evidence
     scans = [start for line in lines for start in _moved_to(line, line.terms[0].head.starts)]
+    scans = _not_far_behind(refinery, scans, straight)
     known = [line for line in lines if _is_known(line, straight)]
     lines = [line for line in lines if not _is_known(line, straight)]
     nothing, *curves = refinery.simulated([nothing, *lines, *scans])
@@ -108,9 +106,7 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
         and curve.log_evidence - nothing.log_evidence < min(line.log_evidence - straight - _SHORT_OF, 0.0)
         for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
     ]
-    at_start = refinery.weighed_all(starts)
-    least = hopeless(nothing.log_evidence, _FAR_BEHIND)
-    starts = [fit for fit, w in zip(starts, at_start, strict=True) if w.log_evidence > least]
+    starts = _not_far_behind(refinery, starts, nothing.log_evidence)
     sigmas = [w.sigma for w in refinery.weighed_all(lines)]
     tried = [*map(_tangent, lines, curves, sigmas), *scans, *(refinery.simulated(starts) if starts else [])]
     once = _best([*tried, *_about(refinery, nothing, known)])
@@ -125,6 +121,13 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
     else:
         followed = refinery.followed(chosen, leader)
     return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])], scans
+
+
+def _not_far_behind(refinery: Refinery, starts: Sequence[Fit], nothing: float) -> list[Fit]:
+    """Of places to start from, on their lines, those that are not so far behind nothing that none can be of use."""
+    least = hopeless(nothing, _FAR_BEHIND)
+    weighed = refinery.weighed_all(starts)
+    return [fit for fit, w in zip(starts, weighed, strict=True) if w.log_evidence > least]
 
 
 def _is_known(line: Fit, nothing: float) -> bool:

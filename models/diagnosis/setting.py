@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from models.diagnosis.covariance import noiseless_covariance
 from models.diagnosis.evidence import NEGLIGIBLE, log_total, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
+from models.diagnosis.hypotheses import Fit
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.leftover import Leftovers, leftovers
 from models.diagnosis.noise import (
@@ -72,17 +74,35 @@ class Setting:
         return np.asarray(widest.amplitude_W * known.basis[widest.columns])
 
 
-def set_up(
-    observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
-) -> Setting:
-    """The setting with the noise of replicates, corrected by what the best tangent leaves."""
-    rivals = leftovers(observations, known.per_watt, size("power", baseline.converter))
-    noiseless = noiseless_covariance(observations, known)
-    bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
-    first = sigma_of(observations, noise)
-    best = bench.settled(first)
-    if (steadier := _steadier(observations, noise, first)) is not None:
-        best = max(best, bench.settled(steadier), key=lambda settled: settled.log_evidence)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstSight:
+    """One look at what the best tangent leaves, and every effect on its tangent in the setting that this tells of."""
+
+    bench: "_Bench"
+    looked: "_Settled"
+    refinery: Refinery
+    tangents: list[Fit]
+
+    @classmethod
+    def of(
+        cls, observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
+    ) -> Self:
+        """With the noise of replicates to begin with."""
+        rivals = leftovers(observations, known.per_watt, size("power", baseline.converter))
+        noiseless = noiseless_covariance(observations, known)
+        bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
+        looked = bench.settled(bench.begun(sigma_of(observations, noise)), looks=1)
+        plain = replace(bench, rivals=looked.rivals.among(frozenset()))  # nothing here asks about leftovers
+        told = plain.setting(looked.sigma, looked.doubt)
+        return cls(bench=bench, looked=looked, refinery=told.refinery, tangents=on_tangents(told.refinery))
+
+
+def set_up(sight: FirstSight) -> Setting:
+    """The setting with the noise of replicates, corrected by what the best tangent leaves, from the first look on."""
+    bench, best = sight.bench, sight.bench.settled(sight.looked)
+    observations, baseline, known = bench.observations, bench.baseline, bench.known
+    if (steadier := _steadier(observations, bench.noise, best.first)) is not None:
+        best = max(best, bench.settled(bench.begun(steadier)), key=lambda settled: settled.log_evidence)
     bench, best = _narrowed(bench, best)
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
     near, lines = known.start(observations, baseline)
@@ -147,15 +167,21 @@ def _steadier(observations: Observations, noise: list[ChannelNoise], sigma: Arra
 class _Settled:
     """Noise, ``first`` as it was taken for, the doubt about the best explanation and what that leaves, (M,).
 
-    ``log_evidence`` is that of all explanations together, ``whole`` whether the best needs no leftover.
+    ``told`` is what replicates tell of the first noise. ``log_evidence`` is that of all explanations together after so
+    many ``looks``, ``whole`` whether the best needs no leftover, ``rivals`` the leftovers that further looks ask about,
+    and ``still`` whether another one would change anything.
     """
 
     first: Array
+    told: list[float]
+    rivals: Leftovers
     sigma: Array
     doubt: Array
     left: Array
-    log_evidence: float
-    whole: bool
+    looks: int = 0
+    log_evidence: float = -np.inf
+    whole: bool = False
+    still: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +214,7 @@ class _Bench:
         bench = self
         for share, worth in steps:
             narrower = doubted(bench, share)
-            tried = narrower.settled(best.first, best, looks)
+            tried = narrower.settled(replace(best, rivals=bench.rivals, looks=0, still=False), looks)
             if not tried.whole or tried.log_evidence <= best.log_evidence + worth:
                 break
             bench, best = narrower, tried
@@ -207,25 +233,31 @@ class _Bench:
             sigma=sigma, usual=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery
         )
 
-    def settled(self, first: Array, near: _Settled | None = None, looks: int = _LOOKS) -> _Settled:
-        """Looks at what the best explanation leaves until the noise, ``first`` (M,) at the beginning, stands still.
-
-        ``near`` is what it was elsewhere, to begin from; there are at most so many ``looks``.
-        """
-        sigma, doubt = (first, np.zeros_like(first)) if near is None else (near.sigma, near.doubt)
-        bench, told = self, told_by_replicates(self.observations, self.noise, first)
-        for _ in range(looks):
-            look = _look(bench.setting(sigma, doubt))
-            if look.whole:  # what was negligible then does not come back with a little more noise
-                bench = replace(bench, rivals=bench.rivals.among(look.leftovers))
-            left = look.left * sigma / first
-            before, sigma = sigma, corrected(self.observations, self.noise, told, first, left)
-            changed, doubt = np.hypot(before, doubt), self.rough * np.abs(look.explained)
-            if np.all(np.abs(np.log(np.hypot(sigma, doubt) / changed)) < _SETTLED):
-                break
+    def begun(self, first: Array) -> _Settled:
+        """The ``first`` noise (M,), before any look."""
         return _Settled(
-            first=first, sigma=sigma, doubt=doubt, left=np.abs(look.left) * before,
-            log_evidence=look.log_evidence, whole=look.whole,
+            first=first, told=told_by_replicates(self.observations, self.noise, first), rivals=self.rivals,
+            sigma=first, doubt=np.zeros_like(first), left=np.zeros_like(first),
+        )  # fmt: skip
+
+    def settled(self, near: _Settled, looks: int = _LOOKS) -> _Settled:
+        """Looks at what the best explanation leaves until the noise stands still, ``looks`` in all at most."""
+        while near.looks < looks and not near.still:
+            near = self._looked(near)
+        return near
+
+    def _looked(self, near: _Settled) -> _Settled:
+        """One look more."""
+        look = _look(replace(self, rivals=near.rivals).setting(near.sigma, near.doubt))
+        left = look.left * near.sigma / near.first
+        sigma = corrected(self.observations, self.noise, near.told, near.first, left)
+        doubt = self.rough * np.abs(look.explained)
+        changed = np.hypot(sigma, doubt) / np.hypot(near.sigma, near.doubt)
+        # what was negligible does not come back with a little more noise
+        rivals = near.rivals.among(look.leftovers) if look.whole else near.rivals
+        return replace(
+            near, rivals=rivals, sigma=sigma, doubt=doubt, left=np.abs(look.left) * near.sigma, looks=near.looks + 1,
+            log_evidence=look.log_evidence, whole=look.whole, still=bool(np.all(np.abs(np.log(changed)) < _SETTLED)),
         )  # fmt: skip
 
 

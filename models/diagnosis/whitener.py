@@ -77,7 +77,7 @@ class Whitener:
     """A factored covariance: solves, and its log-determinant.
 
     ``inverses`` are those of each block, and ``of_blocks`` is ln det B; ``common`` (K, M) are J, ``pulled`` (K, M)
-    J B^-1, ``root`` (K, K) the root of I + J B^-1 J^T.
+    J B^-1, and ``across`` (K, M) the same through the root of I + J B^-1 J^T: what blocks share.
     """
 
     blocks: tuple[Block, ...]
@@ -85,7 +85,7 @@ class Whitener:
     of_blocks: float
     common: Array
     pulled: Array
-    root: Array
+    across: Array
     log_determinant: float
 
     @classmethod
@@ -100,7 +100,7 @@ class Whitener:
             of_blocks=2 * float(sum(np.sum(np.log(np.diag(root))) for root in roots)),
             common=none,
             pulled=none,
-            root=np.empty((0, 0)),
+            across=none,
             log_determinant=0.0,
         )
         return blocks.beside(parts.common)
@@ -113,37 +113,33 @@ class Whitener:
         common, pulled = np.concatenate([self.common, directions]), np.concatenate([self.pulled, more])
         root = cholesky(np.eye(len(common)) + common @ pulled.T, lower=True, check_finite=False)
         log_determinant = self.of_blocks + 2 * float(np.sum(np.log(np.diag(root))))
-        return replace(self, common=common, pulled=pulled, root=root, log_determinant=log_determinant)
+        across = root_solved(root, pulled)
+        return replace(self, common=common, pulled=pulled, across=across, log_determinant=log_determinant)
 
     def solve(self, right: Array) -> Array:
         """C^-1 right, (M,) or (M, k)."""
         solved = np.empty_like(right)
         for block, inverse in zip(self.blocks, self.inverses, strict=True):
             solved[block] = inverse @ right[block]
-        if len(self.root):
-            onto = root_solved(self.root, (self.pulled @ right).reshape(len(self.root), -1))
-            onto = root_solved(self.root, onto, transposed=True)
-            solved -= (self.pulled.T @ onto).reshape(right.shape)
-        return solved
+        return np.asarray(solved - self.across.T @ (self.across @ right))
 
     def diagonal(self) -> Array:
         """The diagonal of C^-1, (M,)."""
         found = np.empty(self.common.shape[1])
         for block, inverse in zip(self.blocks, self.inverses, strict=True):
             found[block] = np.diag(inverse)
-        return np.asarray(found - np.sum(root_solved(self.root, self.pulled) ** 2, axis=0))
+        return np.asarray(found - np.sum(self.across**2, axis=0))
 
     def inner(self, vectors: Array) -> Array:
         """V C^-1 V^T (k, k) of vectors (k, M), most of which are zero in most blocks."""
         products = np.zeros((len(vectors), len(vectors)))
-        onto = np.zeros((len(self.root), len(vectors)))
+        onto = np.zeros((len(self.across), len(vectors)))
         for block, inverse in zip(self.blocks, self.inverses, strict=True):
             part = vectors[:, block]
             there = np.flatnonzero(np.any(part, axis=1))
             part = part[there]
             products[np.ix_(there, there)] += part @ inverse @ part.T
-            onto[:, there] += self.pulled[:, block] @ part.T
-        onto = root_solved(self.root, onto)
+            onto[:, there] += self.across[:, block] @ part.T
         products -= onto.T @ onto
         return products
 

@@ -10,11 +10,13 @@ from experiments.diagnosis_benchmark import BARS_S, FIRST_SEED, HIDDEN, Cost, co
 from experiments.harness.settings import Settings
 
 
-def test_a_cost_is_of_a_whole_diagnosis(tmp_path: Path) -> None:
-    ticks = iter((10.0, 12.5))
+def test_a_cost_is_of_whole_diagnoses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = iter((10.0, 13.5, 20.0, 22.5, 30.0, 31.0))
     settings = Settings(out=tmp_path, now=lambda: next(ticks))
+    monkeypatch.setattr(diagnosis_benchmark, "RUNS", 3)
     found = cost(diagnosis_benchmark._trial(1, 24), settings)
     assert (found.points, found.hidden, found.seconds) == (24, "link_resistance", 2.5)
+    assert found.runs_s == (1.0, 2.5, 3.5)
     assert found.verdict in ("named", "group", "consistent", "unknown")
     assert found.processor_s > 0
 
@@ -23,8 +25,9 @@ def test_the_slowest_lab_is_held_against_the_bar(tmp_path: Path, monkeypatch: py
     seconds = iter((1.0, 2.0, 3.0, 4.0))
 
     def timed(trial: object, settings: Settings) -> Cost:
-        points = getattr(trial, "points", 0)
-        return Cost(points=points, hidden="x", verdict="named", seconds=next(seconds), processor_s=0.1)
+        points, median_s = getattr(trial, "points", 0), next(seconds)
+        runs_s = (0.5 * median_s, median_s, 9.0)
+        return Cost(points=points, hidden="x", verdict="named", runs_s=runs_s, processor_s=0.1)
 
     monkeypatch.setattr(diagnosis_benchmark, "cost", timed)
     monkeypatch.setattr(diagnosis_benchmark, "process_s", lambda *_: (1.0, 1.0))
