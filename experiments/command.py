@@ -64,8 +64,9 @@ def experiment(
 ) -> None:
     """Run an experiment: print its tables, and write DIR/NAME.json and DIR/NAME.html, pictures beside them.
 
-    ``all`` runs the paper's tables and figures, without the trials and benchmarks that stand apart. It goes on where
-    an earlier run of the same code and scale stopped, and writes one page, DIR/all.html, and every row in DIR/all.json.
+    With all, the paper's tables and figures are run, without the trials and benchmarks that stand apart. It goes on
+    where an earlier run of the same code and scale stopped, and writes one page, DIR/all.html, and every row in
+    DIR/all.json.
     """
     if name == "list":
         _list()

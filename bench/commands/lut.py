@@ -102,6 +102,11 @@ def _tell(lut: Lut, optimum: OptimumTable) -> None:
         cells = (f"{row['P_W']:.0f}", f"{row['D1']:.4f}", f"{row['D2']:.4f}", per_cent(row["predicted"], 3))
         table.add_row(*cells, interval, points_text(row["price"]), str(row["soft_edges"]))
     out.print(table)
+    if not known:
+        out.print(
+            "95 % is not known: the model was judged on fewer than 19 rows that it was not fitted to; d2ea train with "
+            "more measured rows tells it"
+        )
     if math.isfinite(optimum.worst_regret):
         out.print(
             f"the search missed the model's own optimum by {points_text(optimum.worst_regret, 4)} points at most"

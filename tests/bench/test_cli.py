@@ -173,6 +173,9 @@ def test_too_few_rows_to_calibrate_leave_the_other_kinds(
     printed = capsys.readouterr()
     assert "no calibrated model: 8 usable rows that carry power; a diagnosis needs at least 12" in printed.err
     assert " d2ea " in printed.out
+    assert d2ea("optimise", "--powers", "400:600:200", "--out", "lut.json") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "95 % is not known: the model was judged on fewer than 19 rows" in said
 
 
 def test_training_asks_where_the_simulation_is_far_off(
