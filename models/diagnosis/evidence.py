@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.everyday import log_as_part, log_everyday, share_beyond
-from models.diagnosis.hypotheses import Fit, WeighedBeside, weigh
+from models.diagnosis.hypotheses import Fit, Term, WeighedBeside, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery
 
@@ -58,7 +58,7 @@ def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
     counted = [h.probability * share for h, share in zip(hypotheses[:worth], shares, strict=True)]
     counted += [h.probability for h in hypotheses[worth:]]
     found = [replace(h, probability=p) for h, p in zip(hypotheses, counted, strict=True)]
-    found = _beyond_everyday(refinery, found)
+    found = _beyond_everyday(refinery, found, fits)
     total = sum(h.probability for h in found)
     if not total:  # as good as nothing explains the readings within the line
         return hypotheses
@@ -66,14 +66,17 @@ def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
     return sorted(found, key=lambda h: -h.probability)
 
 
-def _beyond_everyday(refinery: Refinery, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+def _beyond_everyday(
+    refinery: Refinery, hypotheses: Sequence[Hypothesis], searched: Sequence[Fit]
+) -> list[Hypothesis]:
     """The hypotheses with only that share of each which lies where its causes are further off than parts are.
 
     The rest belongs to the hypothesis without that cause, and is moved there if it exceeds what that one has by itself:
     then its spreads did not find the way. Its other causes then take their values from here, unless these are much
-    less certain, as slopes that were not simulated make them.
+    less certain, as slopes that were not simulated make them. ``searched`` are the fits as the search left them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
+    before = {_variants(fit): fit for fit in searched}
     for k, h in enumerate(hypotheses):
         places.setdefault(_name(h.fit.effects, h.leftover), k)
     for k in sorted(range(len(found)), key=lambda k: -len(found[k].fit.terms)):
@@ -86,12 +89,31 @@ def _beyond_everyday(refinery: Refinery, hypotheses: Sequence[Hypothesis]) -> li
                 prior = refinery.log_prior(others) - refinery.log_prior(fit)
                 one_of = math.log(len(term.signature.entry.variants()))
                 as_part = whole * math.exp(prior - one_of + log_as_part(term))
+                if as_part > found[fewer].probability and found[k].leftover is None:
+                    as_part *= math.exp(_log_nearer(refinery, before[_variants(fit)], term))
                 if as_part > found[fewer].probability:
                     own = found[fewer].fit
                     there = own if _is_vaguer(others, own) else replace(others, log_evidence=own.log_evidence)
                     found[fewer] = replace(found[fewer], fit=there, probability=as_part)
         found[k] = replace(found[k], probability=beyond)
     return found
+
+
+def _log_nearer(refinery: Refinery, fit: Fit, term: Term) -> float:
+    """Log of what a fit keeps of its evidence with a value where the last step has it, if that is nearer to off.
+
+    The fit is as the search left it. The step takes laws as doubted as there. Nearer to off they are doubted less: what
+    only their doubt explained is left over again, and no part explains it.
+    """
+    was = fit.term(term.effect)
+    if abs(term.distance) >= abs(was.distance):
+        return 0.0
+    step = np.array([term.value - was.value if t is was else 0.0 for t in fit.terms])
+    return min(refinery.weighed(fit.moved(step)).log_evidence - fit.log_evidence, 0.0)
+
+
+def _variants(fit: Fit) -> tuple[object, ...]:
+    return tuple(t.signature.key for t in fit.terms)
 
 
 def _is_vaguer(fit: Fit, than: Fit) -> bool:

@@ -10,7 +10,8 @@ that was measured tells less of itself and of its neighbours. Steps are chosen o
 before it taken as measured: worth :math:`\sum p_i p_j \exp(-D_{ij}^2/2) \, d_{ij}^2 / 2` per minute, with
 :math:`D_{ij}` what they separate already. Many small steps are worth it where they tell enough together. Where all
 of them leave a pair tied, it is said what they tell at most, and which channel would do, in as many rows or in as
-many as were measured: the cheapest that separates all such pairs, or the one that tells most, if that is a sigma.
+many as were measured: the cheapest that separates all such pairs, or the one that tells most, if that is a sigma. What
+the verdict states as tied comes first, however improbable one of it is.
 """
 
 from collections.abc import Collection, Sequence
@@ -110,12 +111,16 @@ class NextMeasurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rival:
-    """An explanation that is still possible: its effects, probability, the model that it makes, and its fit."""
+    """An explanation that is still possible: its effects, probability, the model that it makes, and its fit.
+
+    It is ``stated`` where the verdict states one of its causes as tied.
+    """
 
     effects: tuple[str, ...]
     probability: float
     model: Model
     fit: Fit = NO_FIT
+    stated: bool = False
 
 
 def rivals_of(
@@ -141,6 +146,7 @@ def rivals_of(
             probability=p,
             model=refinery.model(fits[e], refinery.spreads(fits[e])),
             fit=fits[e],
+            stated=e in stated,
         )
         for p, e in chosen
     ]
@@ -180,10 +186,12 @@ def next_measurements(
     if tied and absent:
         # with other channels a diagnosis keeps further from the most that can be carried
         room = with_room(replace(observations, channels=CHANNELS), [r.model for r in rivals], options.points)
-        told = float(np.sqrt(min(reached[k] for k in tied)))
         rows = [k for k in alone if room[k]]
         measured = np.unique(observations.row).size
-        steps += everything.of_pairs(tied).missing(rows, absent, most, measured, told)
+        for pairs in (everything.stated(tied), tied):
+            told = float(np.sqrt(min((reached[k] for k in pairs), default=0.0)))
+            if asked := everything.of_pairs(pairs).missing(rows, absent, most, measured, told):
+                return steps + asked
     return steps
 
 
@@ -310,6 +318,10 @@ class _Race:
         """The same of some of the pairs."""
         return replace(self, pairs=self.pairs[list(pairs)], apart=self.apart[:, list(pairs)])
 
+    def stated(self, pairs: Sequence[int]) -> list[int]:
+        """Those of the pairs of which the verdict states both."""
+        return [k for k in pairs if all(self.rivals[r].stated for r in self.pairs[k])]
+
     def missing(
         self, rows: Sequence[int], columns: Sequence[str], most: int, measured: int, told: float
     ) -> list[NextMeasurement]:
@@ -318,6 +330,8 @@ class _Race:
         It is judged by what it tells in the best rows, ``most`` of them, or if as many as were ``measured`` had it.
         Rows of the channels that there are have ``told`` so many sigmas of the worst pair.
         """
+        if not len(self.pairs):
+            return []
         weight, found = self._weight(), list[tuple[float, str, NextMeasurement]]()
         for column in (c for c in _CHEAPEST_FIRST if c in columns):
             place = next(k for k, channel in enumerate(CHANNELS) if channel.column == column)

@@ -219,6 +219,7 @@ def test_what_counts_as_likely_as_a_larger_one_has_its_values(
             Hypothesis(fit=fit, leftover=None, probability=p)
             for fit, p in ((both, 1.0 - probability), (alone, probability))
         ],
+        searched=[both, alone],
     )
     assert found[1].fit.terms[0].value == value
     np.testing.assert_allclose(found[1].fit.shift, value * FLAT, atol=1e-12)  # rounding
@@ -235,9 +236,35 @@ def test_nothing_has_what_a_part_does_where_it_was_simulated() -> None:
         Hypothesis(fit=part, leftover=None, probability=0.99),
         Hypothesis(fit=nothing, leftover=None, probability=0.01),
     ]
-    bare = _beyond_everyday(bench, hypotheses)[1]
+    bare = _beyond_everyday(bench, hypotheses, searched=[part, nothing])[1]
     np.testing.assert_allclose(bare.fit.shift, 0.3 * FLAT, atol=1e-12)  # rounding
     assert bare.fit.log_evidence == -7.0
+
+
+@pytest.mark.parametrize("moved", [-1.0, 0.0, 1.0])
+def test_a_value_that_was_moved_nearer_to_off_is_as_likely_a_part_as_it_is_there(moved: float) -> None:
+    """A step under doubts of the law that hold further out; away from off none is called for."""
+    usual = LINK.entry.headline.tolerance
+    bench = refinery(3.0 * usual * GROWING, [LINK], 0.5 * SIGMA)
+    nothing = replace(Fit.nothing(READINGS), log_evidence=-1e3)
+    found = replace(nothing, terms=(alone(bench).terms[0].at(0.0, 0.1 * usual),)).moved(np.array([3 * usual]))
+    found = replace(found, log_evidence=bench.weighed(found).log_evidence)
+    step = np.array([moved * usual])
+    there = bench.weighed(found.moved(step)).log_evidence
+
+    def of_nothing(searched: Fit) -> float:
+        hypotheses = [
+            Hypothesis(fit=fit, leftover=None, probability=p)
+            for fit, p in ((found.moved(step), 1.0), (nothing, 1e-99))
+        ]
+        return _beyond_everyday(bench, hypotheses, searched=[searched, nothing])[1].probability
+
+    kept = of_nothing(found) / of_nothing(found.moved(step))
+    if moved < 0.0:
+        assert kept == pytest.approx(np.exp(there - found.log_evidence), rel=1e-9)  # rounding
+        assert kept < 0.5
+    else:
+        assert kept == 1.0
 
 
 def test_what_needs_parts_beyond_the_line_hardly_counts() -> None:

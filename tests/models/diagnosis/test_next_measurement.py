@@ -110,6 +110,20 @@ def test_every_cause_that_is_stated_as_tied_takes_part() -> None:
     assert [r.effects for r in tied] == [("link_resistance",), ("skin_effect",)]
 
 
+def test_the_channel_is_asked_for_that_the_stated_causes_need() -> None:
+    """Cables that are stated, one of them improbable, beside a skew that may be there too: that needs D0 alone."""
+    cables = [rival("cable_resistance_input", 0.04, 0.94), rival("cable_resistance_output", 0.0092, 0.02)]
+    skewed = replace(cables[0], effects=("cable_resistance_input", "gate_delay_skew"), probability=0.04)
+    skew = CATALOGUE["gate_delay_skew"].headline
+    skewed = replace(skewed, model=skewed.model.with_effect("gate_delay_skew", **{skew.name: 20e-9}))
+    told = []
+    for stated in (False, True):
+        rivals = [*(replace(cable, stated=stated) for cable in cables), skewed]
+        *_, needed = next_measurements(observe(efficiency_alone(), prototype()), rivals)
+        told.append(needed.separates)
+    assert told == [("gate_delay_skew",), ("cable_resistance_input", "cable_resistance_output")]
+
+
 def test_points_are_proposed_up_to_what_a_diagnosis_takes() -> None:
     observations = observe(efficiency_alone(), prototype())
     points = bench_options(observations, [Model.baseline()], observations.channels).points
