@@ -394,9 +394,3 @@ def test_times_of_a_calendar_and_an_index_with_a_name_are_columns() -> None:
     when = pd.date_range("2026-11-20 22:14", periods=3, freq="3min", name="time_s")
     read = load_measurements(efficiencies().set_index(when))
     assert read.frame["time_s"].tolist() == [0.0, 180.0, 360.0]
-
-
-def test_what_is_known_in_other_letters_is_asked_for() -> None:
-    read = load_measurements(efficiencies(KIND="load", T_HEATSINK_C=30.0))
-    assert '--column "kind=KIND"' in read.notes[0]
-    assert '--column "T_heatsink_C=T_HEATSINK_C"' in read.notes[0]

@@ -1,7 +1,9 @@
 """Which column of a stranger's table is meant."""
 
+import pandas as pd
 import pytest
 
+from models.dataset import load_measurements
 from models.other_names import meant
 
 REQUIRED = ("D1", "D2", "P2_W", "P1_W", "efficiency")
@@ -37,3 +39,10 @@ def test_no_column_is_meant_twice() -> None:
     found = meant(REQUIRED, OPTIONAL, ["U1", "U2", "P", "eta"])
     assert len(set(found.values())) == len(found)
     assert (found["V1_V"], found["V2_V"], found["efficiency"]) == ("U1", "U2", "eta")
+
+
+def test_what_is_known_in_other_letters_is_asked_for() -> None:
+    rows = {"D1": 0.8, "D2": 0.2, "P2_W": [600.0, 700.0], "efficiency": 0.96}
+    read = load_measurements(pd.DataFrame(rows | {"KIND": "load", "T_HEATSINK_C": 30.0}))
+    assert '--column "kind=KIND"' in read.notes[0]
+    assert '--column "T_heatsink_C=T_HEATSINK_C"' in read.notes[0]
