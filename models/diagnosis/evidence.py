@@ -76,7 +76,7 @@ def _beyond_everyday(
     less certain, as slopes that were not simulated make them. ``searched`` are the fits as the search left them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
-    before = {_variants(fit): fit for fit in searched}
+    before = {fit.key: fit for fit in searched}
     for k, h in enumerate(hypotheses):
         places.setdefault(_name(h.fit.effects, h.leftover), k)
     for k in sorted(range(len(found)), key=lambda k: -len(found[k].fit.terms)):
@@ -90,7 +90,7 @@ def _beyond_everyday(
                 one_of = math.log(len(term.signature.entry.variants()))
                 as_part = whole * math.exp(prior - one_of + log_as_part(term))
                 if as_part > found[fewer].probability and found[k].leftover is None:
-                    as_part *= math.exp(_log_nearer(refinery, before[_variants(fit)], term))
+                    as_part *= math.exp(_log_nearer(refinery, before[fit.key], term))
                 if as_part > found[fewer].probability:
                     own = found[fewer].fit
                     there = own if _is_vaguer(others, own) else replace(others, log_evidence=own.log_evidence)
@@ -110,10 +110,6 @@ def _log_nearer(refinery: Refinery, fit: Fit, term: Term) -> float:
         return 0.0
     step = np.array([term.value - was.value if t is was else 0.0 for t in fit.terms])
     return min(refinery.weighed(fit.moved(step)).log_evidence - fit.log_evidence, 0.0)
-
-
-def _variants(fit: Fit) -> tuple[object, ...]:
-    return tuple(t.signature.key for t in fit.terms)
 
 
 def _is_vaguer(fit: Fit, than: Fit) -> bool:

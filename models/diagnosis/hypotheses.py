@@ -22,6 +22,7 @@ from scipy.special import log_ndtr
 
 from models.diagnosis.geometry import Geometry, Projection
 from models.diagnosis.leftover import Leftover
+from models.diagnosis.lines import Key
 from models.diagnosis.signatures import Signature, Signatures
 from sim.effects.base import EffectParameter
 
@@ -149,6 +150,11 @@ class Fit:
     def effects(self) -> tuple[str, ...]:
         """Names of the effects, none for nothing."""
         return tuple(t.effect for t in self.terms)
+
+    @property
+    def key(self) -> tuple[Key, ...]:
+        """The effects, each with the values of its other parameters: what tells variants apart."""
+        return tuple(t.signature.key for t in self.terms)
 
     def term(self, effect: str) -> Term:
         """The term of an effect."""

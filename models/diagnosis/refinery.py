@@ -220,24 +220,22 @@ class Refinery:
         """
         best: dict[tuple[object, ...], Fit] = {}
         for fit in fits:
-            best[_key(fit)] = max(best.get(_key(fit), fit), fit, key=lambda f: f.log_evidence)
+            best[fit.key] = max(best.get(fit.key, fit), fit, key=lambda f: f.log_evidence)
         ahead = self._onward(list(best.values()), leader, still)
         for turn in range(_ROUNDS):
-            before = self.weighed_all([best[_key(fit)] for fit in ahead])
+            before = self.weighed_all([best[fit.key] for fit in ahead])
             if turn:
                 behind = _BEHIND if turn == _LATE else _BEHIND_LATE
-                kept = [
-                    _in_reach(best[_key(f)], w, leader, behind) for f, w in zip(ahead, before, strict=True)
-                ]
+                kept = [_in_reach(best[f.key], w, leader, behind) for f, w in zip(ahead, before, strict=True)]
                 ahead, before = list(compress(ahead, kept)), list(compress(before, kept))
             if not ahead:
                 break
             going = []
             for aimed, fit, there in zip(ahead, self.simulated(ahead), before, strict=True):
-                known = best[_key(fit)]
+                known = best[fit.key]
                 fit = _taught(fit, known, aimed, there.sigma)
                 if fit.log_evidence > known.log_evidence:
-                    best[_key(fit)] = fit
+                    best[fit.key] = fit
                     gained = fit.log_evidence - known.log_evidence
                     going += self._onward([fit], leader, still) if fit.terms or gained > _GAINED else []
                 else:
@@ -274,10 +272,6 @@ def _in_reach(fit: Fit, weighed: Weighed, leader: float, behind: float) -> bool:
 def hopeless(leader: float, behind: float = _BEHIND) -> float:
     """Evidence below which a candidate will not catch up with the leader."""
     return leader - behind if np.isfinite(leader) else -np.inf
-
-
-def _key(fit: Fit) -> tuple[object, ...]:
-    return tuple(t.signature.key for t in fit.terms)
 
 
 def _with_slopes(fit: Fit, taught: Fit) -> tuple[Term, ...]:
