@@ -90,7 +90,7 @@ def _beyond_everyday(
                 one_of = math.log(len(term.signature.entry.variants()))
                 as_part = whole * math.exp(prior - one_of + log_as_part(term))
                 if as_part > found[fewer].probability and found[k].leftover is None:
-                    as_part *= math.exp(_log_nearer(refinery, before[fit.key], term))
+                    as_part *= math.exp(_log_nearer(refinery, before[hypotheses[k].fit.key], term))
                 if as_part > found[fewer].probability:
                     own = found[fewer].fit
                     there = own if _is_vaguer(others, own) else replace(others, log_evidence=own.log_evidence)

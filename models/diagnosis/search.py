@@ -32,6 +32,7 @@ _SIGNIFICANT = 3.0  # standard deviations
 _AS_PROMISED = 2.0  # in log evidence: nothing that was simulated so near its tangent has no more to gain
 _LIKELY_NOTHING = 1.0  # in log evidence: how far behind nothing
 _FAR_BEHIND = 100.0  # in log evidence on its line: how far that errs so far out, three times over
+_FAR_BEHIND_EACH = 0.125  # of each reading: the more there are, the further a line that bends falls behind
 _SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a place worse than off
 _REACH = 3.0  # prior scales that a line is trusted over
@@ -125,7 +126,7 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
 
 def _not_far_behind(refinery: Refinery, starts: Sequence[Fit], nothing: float) -> list[Fit]:
     """Of places to start from, on their lines, those that are not so far behind nothing that none can be of use."""
-    least = hopeless(nothing, _FAR_BEHIND)
+    least = hopeless(nothing, max(_FAR_BEHIND, _FAR_BEHIND_EACH * refinery.residual.size))
     weighed = refinery.weighed_all(starts)
     return [fit for fit, w in zip(starts, weighed, strict=True) if w.log_evidence > least]
 

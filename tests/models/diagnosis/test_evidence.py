@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 from models.diagnosis.everyday import log_as_part, share_beyond
 from models.diagnosis.evidence import Hypothesis, _beyond_everyday, posterior, weighed_with_leftovers
-from models.diagnosis.hypotheses import Fit, log_prior
+from models.diagnosis.hypotheses import Fit, Term, log_prior
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import _crossed, _other_variants, _sharpened, search
 from models.diagnosis.signatures import Signature
@@ -22,6 +22,7 @@ GROWING = np.linspace(5.0, 60.0, READINGS)  # W per Ohm
 LINK = Signature(entry=effect("link_resistance"), slope=GROWING)
 FLAT = np.ones(READINGS)
 AUXILIARY = Signature(entry=effect("auxiliary_power"), slope=FLAT)
+WARM_UP = effect("warm_up_drift")
 # W per unit
 SLANTED = Signature(entry=effect("analyzer_gain"), slope=300.0 * np.cos(0.7 * np.arange(READINGS)))
 
@@ -265,6 +266,31 @@ def test_a_value_that_was_moved_nearer_to_off_is_as_likely_a_part_as_it_is_there
         assert kept < 0.5
     else:
         assert kept == 1.0
+
+
+def test_what_has_its_values_from_a_larger_one_in_another_variant_is_weighed_as_a_part_itself() -> None:
+    """The search has not seen those values alone in that variant."""
+    slow, slower = (
+        Signature(entry=WARM_UP, slope=SLANTED.slope, other={"time_constant_s": time_s})
+        for time_s in (3600.0, 18000.0)
+    )
+    usual, creep = LINK.entry.headline.tolerance, WARM_UP.headline.tolerance
+    bench = refinery(noise(5), [LINK, slow, slower], SIGMA)
+
+    def of(*found: tuple[Signature, float]) -> Fit:
+        terms = tuple(Term(signature=s, value=v, sigma=0.1 * v, slope=s.slope) for s, v in found)
+        fit = Fit(terms=terms, shift=sum(t.value * t.slope for t in terms) + 0.0 * FLAT)
+        return replace(fit, log_evidence=bench.weighed(fit).log_evidence)
+
+    fits = of((LINK, usual), (slower, creep)), of((slow, 2.0 * creep)), Fit.nothing(READINGS)
+    hypotheses = [
+        Hypothesis(fit=fit, leftover=None, probability=p)
+        for fit, p in zip(fits, (1.0, 1e-3, 1e-99), strict=True)
+    ]
+    _, single, bare = _beyond_everyday(bench, hypotheses, searched=fits)
+    assert single.fit.terms[0].signature.key == slower.key
+    assert single.fit.terms[0].value == creep
+    assert bare.probability > 1e-3  # moved there
 
 
 def test_what_needs_parts_beyond_the_line_hardly_counts() -> None:

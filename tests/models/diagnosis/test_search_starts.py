@@ -18,3 +18,12 @@ def test_a_choke_that_saturates_is_found_where_its_line_leads_nowhere() -> None:
     low, high = found.as_plain(ahead=False)["causes"][0]["parameters"][0]["ci95"]
     assert low < 0.268 < high
     assert high - low < 0.268  # one sigma of the law is a tenth: known to half of itself at the worst
+
+
+def test_many_rows_do_not_hide_what_is_far_from_a_line() -> None:
+    """What a line misses grows with the rows; where the search starts is tried all the same."""
+    hidden = (("magnetizing_inductance", 2.0e-3),)
+    found = diagnose(
+        load_measurements(measured(BlindTrial(row="single", seed=190003, hidden=hidden, points=400)))
+    )
+    assert found.verdict.stated == ("magnetizing_inductance",)
