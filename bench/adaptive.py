@@ -31,7 +31,7 @@ from models.screening import LOADED_KINDS
 
 if TYPE_CHECKING:
     from models.diagnosis.diagnose import Diagnosis
-    from models.diagnosis.next_measurement import NextMeasurement
+    from models.diagnosis.race import NextMeasurement
 
 _WORTH_A_BUDGET = 2.0  # sigmas that all rows left have to tell together, to go on when a verdict is settled
 _WORTH_ANYTHING = 0.05  # sigmas that a row has to tell while none is

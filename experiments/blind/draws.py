@@ -13,6 +13,7 @@ from experiments.blind.trial import NOISES, BlindTrial
 from sim.effects.catalogue import CATALOGUE
 
 DESIGNS = 6  # of the pool: each costs the reach of far more than a hundred labs
+SIZES = (30, 200, 400)  # points of the trials that ask how many are needed, and whether more do harm
 _HOW_MANY = {1: 0.75, 2: 0.2, 3: 0.05}  # causes at once, where anything is wrong
 
 # Pairs that efficiency does not tell apart, or hardly; either may be the hidden one.
@@ -52,6 +53,15 @@ def singles(seeds: Seeds) -> Iterator[BlindTrial]:
         name = names[k % len(names)]
         value = log_uniform(HIDDEN[name].drawn, _rng(seed))
         yield BlindTrial(row="single", seed=seed, hidden=((name, value),), design=seeds.design(k % DESIGNS))
+
+
+def sizes(seeds: Seeds) -> Iterator[BlindTrial]:
+    """One effect after the other, in a short table and in long ones."""
+    names = hideable()
+    for k, seed in enumerate(seeds.of("sizes")):
+        name = names[k // len(SIZES) % len(names)]
+        value = log_uniform(HIDDEN[name].drawn, _rng(seed))
+        yield BlindTrial(row="sizes", seed=seed, hidden=((name, value),), points=SIZES[k % len(SIZES)])
 
 
 def pairs(seeds: Seeds) -> Iterator[BlindTrial]:

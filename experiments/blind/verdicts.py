@@ -5,13 +5,18 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from experiments.blind.draws import efficiency_only, foreign, nothing, pairs, singles
+from experiments.blind.draws import SIZES, efficiency_only, foreign, nothing, pairs, singles, sizes
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.scoring import Scored, Share, judged, left_together, share
 from experiments.blind.trial import NOISES
 from experiments.harness.result import Cell, Table
 
-SINGLES, PAIRS, NOTHINGS, FOREIGNS, EFFICIENCY_ONLYS = 500, 300, 3000, 300, 300
+SINGLES, PAIRS, NOTHINGS, FOREIGNS, EFFICIENCY_ONLYS, OF_SIZES = 500, 300, 3000, 300, 300, 81
+_OUTCOMES: dict[str, Callable[[Scored], bool]] = {
+    "wrong": lambda s: s.wrong,
+    "unknown": lambda s: s.unknown,
+    "consistent": lambda s: s.consistent,
+}
 _BANDS = ((5.0, 10.0), (10.0, 30.0), (30.0, 100.0), (100.0, float("inf")))
 
 
@@ -96,6 +101,21 @@ def _efficiency_only(run: Run) -> Outcome:
         ),
         notes=(*notes("efficiency only", scored), _by_chance(stated)),
     )
+
+
+def _sizes(run: Run) -> Outcome:
+    """Trials of other sizes than the table's hundred points; they have no bar, and none is left out as too faint."""
+    scored = run.scored(sizes, OF_SIZES)
+    rows = []
+    for points in SIZES:
+        own = [s for s in scored if s.trial.points == points]
+        counts = (sum(map(holds, own)) for holds in (_found, *_OUTCOMES.values()))
+        rows.append((points, len(own), *counts, max((s.said.cpu_s for s in own), default=None)))
+    columns = ("points", "trials", "found, nothing else", *_OUTCOMES, "processor time at most, s")
+    table = Table(
+        title="One hidden effect, however faint, by the size of the table", columns=columns, rows=tuple(rows)
+    )
+    return Outcome(tables=(table, misses("Sizes", scored, _found)), notes=notes("sizes", scored))
 
 
 def _by_chance(stated: Sequence[Scored]) -> str:
@@ -191,4 +211,5 @@ VERDICT_PARTS = (
     Part(name="nothing", says="nothing hidden, four kinds of noise", run=_nothing),
     Part(name="foreign", says="not in the catalogue", run=_foreign),
     Part(name="efficiency_only", says="efficiency alone", run=_efficiency_only),
+    Part(name="sizes", says="one hidden effect in short and long tables, without a bar", run=_sizes),
 )

@@ -25,8 +25,6 @@ from models.diagnosis.hypotheses import Fit
 from models.diagnosis.left_out import not_usable, outliers, rows_left_out
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
-    NextMeasurement,
-    Rival,
     asks_again,
     next_measurements,
     rivals_of,
@@ -34,6 +32,7 @@ from models.diagnosis.next_measurement import (
 from models.diagnosis.noise import ChannelNoise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.plausibility import RejectedColumn
+from models.diagnosis.race import NextMeasurement, Rival
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.setting import Setting
 from models.diagnosis.sight import Sight, sight

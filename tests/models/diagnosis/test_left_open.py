@@ -9,7 +9,8 @@ from models.dataset import load_measurements
 from models.diagnosis.bench_options import Allowed
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.left_open import Ahead, left_open
-from models.diagnosis.next_measurement import NO_FIT, Rival, next_measurements
+from models.diagnosis.next_measurement import next_measurements
+from models.diagnosis.race import NO_FIT, Rival
 from models.diagnosis.refinery import Refinery
 from sim.model import Model
 from sim.operating_points import Points

@@ -9,7 +9,8 @@ from models.dataset import load_measurements
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.measured_again import telling_rows
-from models.diagnosis.next_measurement import Rival, next_measurements, worth_doing
+from models.diagnosis.next_measurement import next_measurements
+from models.diagnosis.race import Rival, worth_doing
 from tests.models.diagnosis.virtual_campaign import lab_campaign
 
 

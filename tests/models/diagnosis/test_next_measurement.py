@@ -10,8 +10,9 @@ from models.dataset import load_measurements
 from models.diagnosis.bench_options import bench_options
 from models.diagnosis.diagnose import diagnose
 from models.diagnosis.evidence import Hypothesis
-from models.diagnosis.next_measurement import MOST_STEPS, SEPARATED, Rival, next_measurements, rivals_of
+from models.diagnosis.next_measurement import MOST_STEPS, next_measurements, rivals_of
 from models.diagnosis.observations import Observations, observe
+from models.diagnosis.race import SEPARATED, Rival
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
