@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 _IN_TIME = ("warm_up_drift", "ambient_drift")  # causes that go with time, by a law that is roughly known
 _NAMED = (0.05, 0.2)  # how far off that law may be, of the loss; over which share of the campaign
 _EVERYDAY = (effect("warm_up_drift").headline.tolerance, 1.0)  # what every bench creeps by, slowly
+_SMOOTHER = 5 / 3  # than the laws themselves: what a fit leaves is, over half of the map
 _INDUCTANCE = 2e-3  # relative: how well the edge is known when all other readings are fitted
 _ASIDE = 1e-3  # relative: from the inductance to those that tell its slope
 _SMOOTH = 5e-4  # of the rated power: a reading's bend over them; where it bends more, an edge passes another
@@ -133,7 +134,7 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) ->
         place=np.empty((0, PLAIN + COLUMNS)),
         weight=np.empty(0),
         noise_W=np.empty(0),
-        length=np.append(length_scale(observations), max(share * float(np.ptp(time_s)), 1.0)),
+        length=np.append(_SMOOTHER * length_scale(observations), max(share * float(np.ptp(time_s)), 1.0)),
         drift=drift,
         doubt=refinery.known.doubt,
     ).of(refinery.baseline.converter)
