@@ -201,9 +201,14 @@ def import_(
     config = import_config(file, measured)
     provenance = Provenance(config=config, config_hash=file_hash(file), virtual=virtual)
     with Store(database_url(db)) as store:
+        before = [row["id"] for row in store.campaigns() if row["config_hash"] == provenance.config_hash]
         campaign_id = store.import_table(name or file.stem, measured.frame, provenance)
     stamp(virtual)
     out.print(escape(f"campaign {campaign_id}: {counted(len(measured.frame), 'row')} imported from {file}"))
+    if before:
+        out.print(
+            f"the very same file is campaign {before[-1]} too: what learns from both counts its rows twice"
+        )
     other = "of another converter than the prototype with --model MODEL.toml"
     out.print(f"d2ea diagnose {campaign_id} tells what is wrong; {other}")
 

@@ -24,6 +24,14 @@ def test_imported_measurements_come_out_of_export(capsys: pytest.CaptureFixture[
     assert "imported" in capsys.readouterr().out
 
 
+def test_a_file_that_was_imported_before_is_imported_with_a_word(capsys: pytest.CaptureFixture[str]) -> None:
+    table = measured_table()
+    assert d2ea("import", table) == 0
+    assert "too:" not in capsys.readouterr().out
+    assert d2ea("import", table, "--name", "again") == 0
+    assert "the very same file is campaign 1 too" in capsys.readouterr().out
+
+
 def test_a_table_without_a_required_column_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     Path("bad.csv").write_text("D1,P2_W,P1_W\n0.9,500,510\n")
     assert d2ea("import", "bad.csv") == 2
