@@ -26,6 +26,7 @@ from experiments.blind.draws import (
     nothing,
     pairs,
     singles,
+    sizes,
     tied,
 )
 from experiments.blind.reach import hideable
@@ -43,7 +44,7 @@ from sim.simulate import Points, simulate
 from sim.spread import everyday_spread
 
 DRAWS = {"single": singles, "pairs": pairs, "nothing": nothing, "foreign": foreign, "coverage": coverage,
-         "efficiency_only": efficiency_only, "tied": tied, "extension": extension}  # fmt: skip
+         "efficiency_only": efficiency_only, "tied": tied, "extension": extension, "sizes": sizes}  # fmt: skip
 MANY = 60
 
 

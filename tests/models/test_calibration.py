@@ -67,3 +67,12 @@ def test_an_everyday_creep_is_followed_though_it_is_no_cause() -> None:
     )
     # without noise; a model that knew no time would stand at the middle of the campaign, a half off
     assert after < 0.2 * before
+
+
+def test_what_a_fit_leaves_is_smooth_over_half_of_the_map() -> None:
+    table = simulated_campaign(Model.baseline(), seed=4, count=40)
+    leftover = diagnose(load_measurements(table)).calibrated.leftover
+    loads = table[table["kind"].isin(["load", "reference"])]
+    ranges = np.ptp(loads[["D1", "D2", "P2_W"]].to_numpy(), axis=0)
+    # D1, D2, and two thirds of the power; rows too near the edge take no part in the lengths
+    np.testing.assert_allclose(leftover.length[:3], [0.5, 0.5, 2 / 3] * ranges, rtol=0.1)
