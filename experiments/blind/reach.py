@@ -86,11 +86,15 @@ def readings(table: pd.DataFrame) -> pd.Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """Whitened directions: a shift (M,), what the lab's own parts do beside it (M,), effects' planes (M, 2) by name."""
+    """Whitened directions: a shift (M,), what the lab's own parts do beside it (M,), effects' planes (M, 2) by name.
+
+    ``each`` (M, M) has in its columns what each reading does alone.
+    """
 
     shift: Array
     own: Array
     planes: Mapping[str, Array]
+    each: Array
 
     @property
     def detectability(self) -> float:
@@ -108,10 +112,26 @@ class Sight:
 
     def beyond(self, names: Sequence[str]) -> float:
         """Sigmas of the shift that these effects together cannot imitate."""
+        return float(np.linalg.norm(self._left(names)[:, 0]))
+
+    def share_beyond(self, name: str) -> float:
+        """The share of the shift that an effect cannot imitate, without the one reading that says most for it."""
+        left, all_of_it = (self._but_one(names) for names in ([name], []))
+        return float(np.sqrt(np.min(left / np.maximum(all_of_it, np.finfo(float).tiny))))
+
+    def _but_one(self, names: Sequence[str]) -> Array:
+        """Squared sigmas of the shift that these effects cannot imitate, without each reading in turn, (M,)."""
+        left, *each = self._left(names, self.each).T
+        told = np.square(each @ left) / np.sum(np.square(each), axis=1)
+        return np.asarray(np.maximum(left @ left - told, 0.0))
+
+    def _left(self, names: Sequence[str], *beside: Array) -> Array:
+        """What these effects leave of the shift, (M, 1), and of columns beside it."""
+        columns = np.concatenate([self.shift[:, None], *beside], axis=1)
         if not names:
-            return self.detectability
+            return columns
         q, _ = np.linalg.qr(np.concatenate([self.planes[name] for name in names], axis=1))
-        return float(np.linalg.norm(self.shift - q @ (q.T @ self.shift)))
+        return np.asarray(columns - q @ (q.T @ columns))
 
     def rivals(self, own: Sequence[str], beside: Sequence[str] = ()) -> dict[str, float]:
         """Isolability from every other effect, each with those ``beside`` it."""
@@ -176,7 +196,8 @@ class Reach:
         if plain is not None:
             own = np.nan_to_num(plain.reindex(self.index).to_numpy(dtype=float) - self.nominal)
         shift_and_own = np.stack([here.to_numpy(dtype=float), own])[:, keep]
-        return Sight(shift=white(shift_and_own)[:, 0], own=white(shift_and_own)[:, 1], planes=planes)
+        seen, own = white(shift_and_own).T
+        return Sight(shift=seen, own=own, planes=planes, each=white(np.eye(len(C))))
 
     def with_planes(self, shifts: Mapping[str, Sequence[pd.Series]]) -> Self:
         """The same with what these effects do taken from shifts of one lab; a row that it cannot run tells nothing."""

@@ -1,6 +1,8 @@
 """Tied pairs: the diagnosis proposes measurements, the lab carries them out, and the diagnosis is asked again.
 
-A pair is separated where what is hidden is stated and its rival is not; a third cause may be tied with both still.
+What does not stand out in the first table at all (:func:`~experiments.blind.trial.isolability`) ties nothing: such
+trials are excluded and counted. A pair is separated where what is hidden is stated and its rival is not; a third cause
+may be tied with both still.
 Whether any measurements could separate a pair is computed from the truth: of a lattice over the whole design
 space, standby and no load, the ten rows that raise the pair's isolability most, one after the other. What the rival
 does is what it does in the trial's own lab.
@@ -25,7 +27,7 @@ from experiments.blind.draws import tied
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.reach import CHANNELS, LEAST_SIGMA, Reach, hiding, shift_between, worked_out
 from experiments.blind.scoring import Share
-from experiments.blind.trial import BlindTrial, laboratory, plain_laboratory
+from experiments.blind.trial import BlindTrial, isolability, laboratory, measured, plain_laboratory, sight_of
 from experiments.harness.lab_data import random_set_points
 from experiments.harness.result import Table
 from models.dataset import load_measurements
@@ -148,8 +150,10 @@ def separated(trial: BlindTrial, answer: Answer) -> bool:
 def ask_tied(trial: BlindTrial) -> dict[str, Any]:
     """Diagnose, do what it proposes, ten rows at most, and ask again, until it names without a group, right or wrong.
 
-    Which channel is asked for is what the last answer says.
+    Which channel is asked for is what the last answer says. A trial that shows nothing is ``excluded``.
     """
+    if not _is_seen(trial):
+        return {"excluded": True}
     bench = Bench.of(trial)
     plain = bench.diagnosed()
     first = plain["verdict"]
@@ -163,6 +167,7 @@ def ask_tied(trial: BlindTrial) -> dict[str, Any]:
     answer = Answer.of(plain, 0.0)
     channels = {p.channel for p in map(understood, plain["next"]) if p.channel}
     return {
+        "excluded": False,
         "first": first,
         "last": plain["verdict"],
         "separated": separated(trial, answer),
@@ -172,6 +177,11 @@ def ask_tied(trial: BlindTrial) -> dict[str, Any]:
         "separable_sigma": possible,
         "needed": needed,
     }
+
+
+def _is_seen(trial: BlindTrial) -> bool:
+    """Whether the first table shows by itself that something is wrong, as the truth has it."""
+    return isolability(trial, sight_of(trial, measured(trial))) >= LEAST_SIGMA
 
 
 @lru_cache(maxsize=4)
@@ -185,13 +195,13 @@ def _whole_space(design: int, points: int) -> Schedule:
 def seen_from(trial: BlindTrial) -> tuple[Schedule, ...]:
     """What the truth is asked at."""
     assert trial.design is not None
-    return (_whole_space(trial.design, trial.points),)
+    return trial.plan, _whole_space(trial.design, trial.points)
 
 
 def _possible(trial: BlindTrial) -> tuple[float, list[str]]:
     """Isolability from the rival after the ten best rows, and the channels that would separate both at once."""
     assert trial.rival is not None
-    (plan,) = seen_from(trial)
+    _, plan = seen_from(trial)
     known = worked_out(plan)
     shift, *instead = _shifts(trial, plan, trial.rival)
     runs = np.all([np.isfinite(there.reindex(shift.index)) for there in instead], axis=0)
@@ -284,7 +294,8 @@ def right_about_channels(record: Mapping[str, Any]) -> bool:
 
 
 def _tied(run: Run) -> Outcome:
-    done = run.records(tied, TIED, ask_tied, seen_from)
+    asked = run.records(tied, TIED, ask_tied, seen_from)
+    done = [(trial, record) for trial, record in asked if not record["excluded"]]
     can = [r for _, r in done if r["separable_sigma"] >= LEAST_SIGMA]
     rest = [r for _, r in done if r["separable_sigma"] < LEAST_SIGMA and not r["separated"]]
     goals = (
@@ -296,19 +307,21 @@ def _tied(run: Run) -> Outcome:
         ),
     )
     rows = []
-    for pair in dict.fromkeys((t.names[0], t.rival) for t, _ in done):
+    for pair in dict.fromkeys((t.names[0], t.rival) for t, _ in asked):
+        left_out = sum((t.names[0], t.rival) == pair and r["excluded"] for t, r in asked)
         own = [r for t, r in done if (t.names[0], t.rival) == pair]
         able = [r for r in own if r["separable_sigma"] >= LEAST_SIGMA]
         spent = [r["rows"] for r in able if r["separated"]]
         rows.append((
-            pair[0], pair[1], len(own), len(able), sum(r["separated"] for r in able), sum(r["alone"] for r in able),
-            sum(r not in able and r["separated"] for r in own), float(np.median(spent)) if spent else None,
-            _most_common([r["first"] for r in own]),
+            pair[0], pair[1], len(own), left_out, len(able), sum(r["separated"] for r in able),
+            sum(r["alone"] for r in able), sum(r not in able and r["separated"] for r in own),
+            float(np.median(spent)) if spent else None, _most_common([r["first"] for r in own]) if own else None,
         ))  # fmt: skip
     columns = (
         "hidden",
         "rival",
         "trials",
+        "excluded",
         "can be separated",
         "separated",
         "named alone",

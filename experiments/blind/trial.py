@@ -41,8 +41,9 @@ _EFFICIENCY_COLUMNS = [
     "P2_W",
     "efficiency",
 ]  # when is known to the truth's isolability too
-_NEAR_SIGMA = 15.0  # a rival beyond it in a nominal lab is none in another one
-_LITTLE_LESS = 0.9  # of what can be seen at all: nor is one that leaves more than this
+_LITTLE_LESS = (
+    0.9  # of what can be seen at all: a rival that leaves more in a nominal lab is none in another one
+)
 _U_OF = {"u_P1_W": ("P1_W", 3.5e-5), "u_P2_W": ("P2_W", 3.5e-5)}  # of reading: the mean of eight updates
 
 
@@ -127,8 +128,9 @@ def measured(trial: BlindTrial) -> pd.DataFrame:
 def sight_of(trial: BlindTrial, table: pd.DataFrame) -> Sight:
     """What the truth says can be seen of what the trial hides.
 
-    The rivals of a single effect that are not far off, and take some of it, are tried in the trial's own lab, where
-    edges turn and limits lie as they do for what is hidden.
+    The rivals of a single effect that take some of it, one reading aside, are tried in the trial's own lab, where
+    edges turn and limits lie as they do for what is hidden: a nominal one may have a row at the most that it can
+    carry which seems to tell two apart that are one on all others. A row that one of them cannot run tells nothing.
     """
     assert trial.design is not None
     lab = plain_laboratory(trial)
@@ -147,10 +149,15 @@ def sight_of(trial: BlindTrial, table: pd.DataFrame) -> Sight:
         there = survey(other, trial.plan, seed=trial.seed, settled=settle(other, trial.plan, start))
         return shift_between(there, plain)
 
-    far = min(_NEAR_SIGMA, _LITTLE_LESS * sight.detectability)
-    near = [name for name, sigma in sight.rivals(trial.names).items() if sigma < far]
+    others = [name for name in sight.planes if name not in trial.names]
+    near = [name for name in others if sight.share_beyond(name) < _LITTLE_LESS]
+    if not near:
+        return sight
     here = {name: [does(name, value) for value in HIDDEN[name].drawn] for name in near}
-    return _sight(trial, known.with_planes(here), shift, quiet) if here else sight
+    runs = np.all(
+        [np.isfinite(there.reindex(shift.index)) for both in here.values() for there in both], axis=0
+    )
+    return _sight(trial, known.with_planes(here), shift[runs], quiet)
 
 
 def _sight(trial: BlindTrial, known: Reach, shift: pd.Series, quiet: pd.DataFrame) -> Sight:

@@ -19,7 +19,7 @@ NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
 _WORTH_A_LOOK = 1e-6  # probability from which it is asked whether its causes are parts by another name
 _NARROWER = 0.3  # of what causes' own laws are feared to be wrong by, where readings show that they are as good as that
-_VAGUER = 1.5  # times the standard deviation: a value of slopes that are too shallow
+_WORSE = 1.5  # times the standard deviation, of a value or of what is left: slopes that were not simulated
 _LEADING = 6  # hypotheses that tell
 
 
@@ -73,7 +73,8 @@ def _beyond_everyday(
 
     The rest belongs to the hypothesis without that cause, and is moved there if it exceeds what that one has by itself:
     then its spreads did not find the way. Its other causes then take their values from here, unless these are much
-    less certain, as slopes that were not simulated make them. ``searched`` are the fits as the search left them.
+    less certain or leave much more, as slopes that were not simulated make them: beside a threshold, what a part does
+    to a row that it carries across is no slope. ``searched`` are the fits as the search left them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
     before = {fit.key: fit for fit in searched}
@@ -93,7 +94,8 @@ def _beyond_everyday(
                     as_part *= math.exp(_log_nearer(refinery, before[hypotheses[k].fit.key], term))
                 if as_part > found[fewer].probability:
                     own = found[fewer].fit
-                    there = own if _is_vaguer(others, own) else replace(others, log_evidence=own.log_evidence)
+                    worse = _is_vaguer(others, own) or _leaves_more(refinery, others, own)
+                    there = own if worse else replace(others, log_evidence=own.log_evidence)
                     found[fewer] = replace(found[fewer], fit=there, probability=as_part)
         found[k] = replace(found[k], probability=beyond)
     return found
@@ -114,7 +116,13 @@ def _log_nearer(refinery: Refinery, fit: Fit, term: Term) -> float:
 
 def _is_vaguer(fit: Fit, than: Fit) -> bool:
     """Whether a fit knows a value of the same causes much worse than another."""
-    return any(one.sigma > _VAGUER * other.sigma for one, other in zip(fit.terms, than.terms, strict=True))
+    return any(one.sigma > _WORSE * other.sigma for one, other in zip(fit.terms, than.terms, strict=True))
+
+
+def _leaves_more(refinery: Refinery, fit: Fit, than: Fit) -> bool:
+    """Whether a fit leaves much more of the readings, in sigmas, than another."""
+    left, than_left = (float((refinery.residual - f.shift) @ refinery.solved(f)) for f in (fit, than))
+    return left > _WORSE**2 * than_left
 
 
 def _name(effects: Sequence[str], leftover: Leftover | None) -> tuple[object, ...]:

@@ -61,5 +61,5 @@ def test_what_is_no_part_departs_from_nothing() -> None:
 @pytest.mark.parametrize(("own", "shown"), [(0.0, 6.0), (3.0, 6.0 * 2**0.5), (-2.0, 12.0**0.5), (-4.0, 0.0)])
 def test_what_other_parts_add_or_take_back_of_it_counts(own: float, shown: float) -> None:
     """Six sigmas of likelihood, and what the lab's parts do along them; what they do across says nothing."""
-    sight = Sight(shift=np.array([6.0, 0.0]), own=np.array([own, 5.0]), planes={})
+    sight = Sight(shift=np.array([6.0, 0.0]), own=np.array([own, 5.0]), planes={}, each=np.eye(2))
     assert sight.beyond_ordinary == pytest.approx(shown, abs=1e-12)  # rounding

@@ -197,14 +197,15 @@ def test_a_part_counts_as_nothing_with_nothings_prior(name: str, other: dict[str
 
 
 @pytest.mark.parametrize(
-    ("probability", "vaguer", "value"), [(1e-3, 1.0, 2.0), (0.999, 1.0, 1.0), (1e-3, 2.0, 1.0)]
+    ("probability", "vaguer", "astray_W", "value"),
+    [(1e-3, 1.0, 0.0, 2.0), (0.999, 1.0, 0.0, 1.0), (1e-3, 2.0, 0.0, 1.0), (1e-3, 1.0, 20.0, 1.0)],
 )
 def test_what_counts_as_likely_as_a_larger_one_has_its_values(
-    probability: float, vaguer: float, value: float
+    probability: float, vaguer: float, astray_W: float, value: float
 ) -> None:
     """Where a part was simulated as a cause the other cause has another value than beside spreads.
 
-    One that is known much worse there is of slopes that were not simulated.
+    One that is known much worse there, or that leaves a reading far off, is of slopes that were not simulated.
     """
     usual = LINK.entry.headline.tolerance
     bench = refinery(2.0 * FLAT + noise(5), [AUXILIARY, LINK], SIGMA)
@@ -213,7 +214,7 @@ def test_what_counts_as_likely_as_a_larger_one_has_its_values(
     auxiliary, link = both.terms
     alone = both.without("link_resistance").moved(np.array([-1.0]))
     there = replace(auxiliary, sigma=vaguer * auxiliary.sigma), replace(link, sigma=0.1 * usual)
-    both = replace(both, terms=there)
+    both = replace(both, terms=there, shift=both.shift + astray_W * (np.arange(READINGS) == 7))
     found = _beyond_everyday(
         bench,
         [
@@ -229,7 +230,7 @@ def test_what_counts_as_likely_as_a_larger_one_has_its_values(
 def test_nothing_has_what_a_part_does_where_it_was_simulated() -> None:
     """What is no straight line of the part stays with the hypothesis without it."""
     usual = LINK.entry.headline.tolerance
-    bench = refinery(noise(5), [LINK], SIGMA)
+    bench = refinery(usual * GROWING + 0.3 + noise(5), [LINK], SIGMA)
     fit = joint_fit({"link_resistance": GROWING}, 0.0 * FLAT, value=0.0).moved(np.array([usual]))
     part = replace(fit, terms=(replace(fit.terms[0], sigma=0.1 * usual),), shift=fit.shift + 0.3)
     nothing = replace(Fit.nothing(READINGS), log_evidence=-7.0)
