@@ -32,6 +32,7 @@ from drivers.mocks.lab.hidden import EVERYDAY, HIDDEN, hide
 from drivers.mocks.lab.instruments import FACTOR, GAIN, OFFSET_A, OFFSET_W, TEMPERATURE_OFFSET_K
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import SUPPLY_V, Schedule, Settled, schedule, settle, survey
+from experiments.blind.sight import Sight
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
@@ -47,7 +48,6 @@ CHANNELS = (
     "P1_W", "D0", "I_L_rms_A", "P_link1_W", "P_link2_W", "T_heatsink_C", "T_transformer_C", "T_inductor_C",
 )  # fmt: skip
 EFFICIENCY_ONLY = ("P1_W",)
-LEAST_SIGMA = 5.0
 POINTS = 100
 _LOADED = ("load", "reference")
 _OF_PORT_1 = {"input_gain": ("voltage_gain", "current_gain"), "input_offset_A": ("offset_A",)}
@@ -82,70 +82,6 @@ def readings(table: pd.DataFrame) -> pd.Series:
     values = values.mask(standby.to_numpy()[:, None] & (np.array(CHANNELS) != "P1_W"))
     values.loc[idle.to_numpy(), "P_link2_W"] = np.nan  # nothing to be told from it without load
     return pd.Series(values.stack().dropna())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
-    """Whitened directions: a shift (M,), what the lab's own parts do beside it (M,), effects' planes (M, 2) by name.
-
-    ``each`` (M, M) has in its columns what each reading does alone.
-    """
-
-    shift: Array
-    own: Array
-    planes: Mapping[str, Array]
-    each: Array
-
-    @property
-    def detectability(self) -> float:
-        """Sigmas of the shift against nothing at all."""
-        return float(np.linalg.norm(self.shift))
-
-    @property
-    def beyond_ordinary(self) -> float:
-        """The same as this very lab shows it, whose other parts add to it or take it back.
-
-        Of all ordinary benches with any parts, the likeliest is less likely by exp(-s²/2) than what is there.
-        """
-        speaks_for_it = float(self.shift @ (self.shift + 2.0 * self.own))
-        return float(np.sqrt(max(speaks_for_it, 0.0)))
-
-    def beyond(self, names: Sequence[str]) -> float:
-        """Sigmas of the shift that these effects together cannot imitate."""
-        return float(np.linalg.norm(self._left(names)[:, 0]))
-
-    def share_beyond(self, name: str) -> float:
-        """The share of the shift that an effect cannot imitate, without the one reading that says most for it."""
-        left, all_of_it = (self._but_one(names) for names in ([name], []))
-        return float(np.sqrt(np.min(left / np.maximum(all_of_it, np.finfo(float).tiny))))
-
-    def _but_one(self, names: Sequence[str]) -> Array:
-        """Squared sigmas of the shift that these effects cannot imitate, without each reading in turn, (M,)."""
-        left, *each = self._left(names, self.each).T
-        told = np.square(each @ left) / np.sum(np.square(each), axis=1)
-        return np.asarray(np.maximum(left @ left - told, 0.0))
-
-    def _left(self, names: Sequence[str], *beside: Array) -> Array:
-        """What these effects leave of the shift, (M, 1), and of columns beside it."""
-        columns = np.concatenate([self.shift[:, None], *beside], axis=1)
-        if not names:
-            return columns
-        q, _ = np.linalg.qr(np.concatenate([self.planes[name] for name in names], axis=1))
-        return np.asarray(columns - q @ (q.T @ columns))
-
-    def rivals(self, own: Sequence[str], beside: Sequence[str] = ()) -> dict[str, float]:
-        """Isolability from every other effect, each with those ``beside`` it."""
-        others = [name for name in self.planes if name not in own]
-        return {name: self.beyond([name, *beside]) for name in others}
-
-    def tied(self, own: str) -> tuple[str, ...]:
-        """The effects that this shift cannot be told from, itself first."""
-        near = [name for name, sigma in self.rivals([own]).items() if sigma < LEAST_SIGMA]
-        return (own, *sorted(near))
-
-    def nearest(self, own: str) -> float:
-        """Sigmas to the nearest effect that it can be told from; infinite where there is none."""
-        return min((s for s in self.rivals([own]).values() if s >= LEAST_SIGMA), default=float("inf"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,12 +136,16 @@ class Reach:
         return Sight(shift=seen, own=own, planes=planes, each=white(np.eye(len(C))))
 
     def with_planes(self, shifts: Mapping[str, Sequence[pd.Series]]) -> Self:
-        """The same with what these effects do taken from shifts of one lab; a row that it cannot run tells nothing."""
-        planes = {
-            name: np.nan_to_num([there.reindex(self.index).to_numpy(dtype=float) for there in both])
-            for name, both in shifts.items()
-        }
-        return replace(self, effects={**self.effects, **planes})
+        """The same with what these effects do taken from shifts of one lab.
+
+        A reading that an effect cannot run tells nothing of it: it is free to be anything, a row more of the plane.
+        """
+        planes = dict(self.effects)
+        for name, both in shifts.items():
+            plane = np.stack([there.reindex(self.index).to_numpy(dtype=float) for there in both])
+            runs = np.all(np.isfinite(plane), axis=0)
+            planes[name] = np.concatenate([np.where(runs, plane, 0.0), np.eye(runs.size)[~runs]])
+        return replace(self, effects=planes)
 
 
 def reach_of(seed: int, points: int = POINTS) -> Reach:

@@ -25,8 +25,9 @@ from drivers.mocks.lab.survey import POINT_S, Schedule, schedule, settle, survey
 from experiments.blind.answer import Answer
 from experiments.blind.draws import tied
 from experiments.blind.part import Outcome, Part, Run
-from experiments.blind.reach import CHANNELS, LEAST_SIGMA, Reach, hiding, shift_between, worked_out
+from experiments.blind.reach import CHANNELS, Reach, hiding, shift_between, worked_out
 from experiments.blind.scoring import Share
+from experiments.blind.sight import LEAST_SIGMA, beyond
 from experiments.blind.trial import BlindTrial, isolability, laboratory, measured, plain_laboratory, sight_of
 from experiments.harness.lab_data import random_set_points
 from experiments.harness.result import Table
@@ -273,8 +274,7 @@ class _Rows:
 
 def _beyond(white: Array) -> float:
     """How much of a shift is not in its rival's plane, both whitened, (M, 3)."""
-    q, _ = np.linalg.qr(white[:, 1:])
-    return float(np.linalg.norm(white[:, 0] - q @ (q.T @ white[:, 0])))
+    return float(np.linalg.norm(beyond(white[:, 1:], white[:, :1])))
 
 
 def _shifts(trial: BlindTrial, plan: Schedule, rival: str) -> list[pd.Series]:

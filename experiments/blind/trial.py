@@ -16,9 +16,7 @@ from experiments.blind.answer import NO_ANSWER, Answer
 from experiments.blind.reach import (
     CHANNELS,
     EFFICIENCY_ONLY,
-    LEAST_SIGMA,
     Reach,
-    Sight,
     departure,
     design,
     hiding,
@@ -27,6 +25,7 @@ from experiments.blind.reach import (
     shift_between,
     without,
 )
+from experiments.blind.sight import LEAST_SIGMA, Sight
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 from models.screening import LOADED_KINDS
@@ -130,7 +129,7 @@ def sight_of(trial: BlindTrial, table: pd.DataFrame) -> Sight:
 
     The rivals of a single effect that take some of it, one reading aside, are tried in the trial's own lab, where
     edges turn and limits lie as they do for what is hidden: a nominal one may have a row at the most that it can
-    carry which seems to tell two apart that are one on all others. A row that one of them cannot run tells nothing.
+    carry which seems to tell two apart that are one on all others. A row that one cannot run tells nothing of it.
     """
     assert trial.design is not None
     lab = plain_laboratory(trial)
@@ -151,13 +150,8 @@ def sight_of(trial: BlindTrial, table: pd.DataFrame) -> Sight:
 
     others = [name for name in sight.planes if name not in trial.names]
     near = [name for name in others if sight.share_beyond(name) < _LITTLE_LESS]
-    if not near:
-        return sight
     here = {name: [does(name, value) for value in HIDDEN[name].drawn] for name in near}
-    runs = np.all(
-        [np.isfinite(there.reindex(shift.index)) for both in here.values() for there in both], axis=0
-    )
-    return _sight(trial, known.with_planes(here), shift[runs], quiet)
+    return _sight(trial, known.with_planes(here), shift, quiet) if here else sight
 
 
 def _sight(trial: BlindTrial, known: Reach, shift: pd.Series, quiet: pd.DataFrame) -> Sight:

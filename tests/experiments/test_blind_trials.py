@@ -266,11 +266,15 @@ def test_a_voltage_that_nobody_reads_may_be_off_as_far_as_a_bench_holds_it() -> 
     assert read == pytest.approx(0.1 / (300.0 * 2.635e-4), rel=1e-3)  # 5e-4 sqrt(5/18): an analyzer's voltage
 
 
-def test_a_row_that_a_rival_cannot_run_tells_nothing_of_it() -> None:
+def test_a_row_that_a_rival_cannot_run_tells_nothing_of_it_and_others_do() -> None:
     known = blind_trial.reach_of(PLACE.design, PLACE.points)
-    half = pd.Series(1.0, known.index[::2])
-    plane = known.with_planes({"auxiliary_power": [half, 2 * half]}).effects["auxiliary_power"]
-    np.testing.assert_array_equal(plane[:, :2], [[1.0, 0.0], [2.0, 0.0]])
+    first = first_load(known.index)
+    moved = pd.Series(known.effects["auxiliary_power"][0], known.index)
+    half = moved.drop(known.index[first])
+    there = known.with_planes({"auxiliary_power": [half, 2 * half]})
+    for row, least, most in ((first, 0.0, 1e-6), (first + len(reach_module.CHANNELS), 5.0, np.inf)):
+        astray = moved + 5.0 * (np.arange(moved.size) == row)  # W
+        assert least <= there.sight(astray).beyond(["auxiliary_power"]) <= most
 
 
 def test_a_foreign_effect_stands_out_of_the_whole_catalogue(sighted: dict[str, blind_trial.Sight]) -> None:

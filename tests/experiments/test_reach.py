@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.mocks.lab.laboratory import Laboratory
-from experiments.blind.reach import Sight, departure, hideable, hiding, without
+from experiments.blind.reach import departure, hideable, hiding, without
+from experiments.blind.sight import Sight
 
 LAB = Laboratory.draw(seed=100_001)
 NOMINAL = Laboratory.nominal()
