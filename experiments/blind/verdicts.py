@@ -183,11 +183,12 @@ def misses(title: str, scored: Sequence[Scored], right: Callable[[Scored], bool]
         hidden = " + ".join(f"{name} = {value:.3g}" for name, value in s.trial.hidden) or "nothing"
         probability = s.said.causes[0].probability if s.said.causes else None
         rows.append((
-            hidden, s.trial.seed, s.isolability, s.said.verdict, ", ".join(s.said.stated) or None,
+            hidden, s.trial.seed, s.trial.points, s.isolability, s.said.verdict, ", ".join(s.said.stated) or None,
             s.said.first, probability, s.said.unknown, s.said.refused or None,
         ))  # fmt: skip
     columns = (
-        "hidden", "seed", "isolability", "verdict", "stated", "first cause", "probability", "leftover", "refused",
+        "hidden", "seed", "points", "isolability", "verdict", "stated", "first cause", "probability", "leftover",
+        "refused",
     )  # fmt: skip
     return Table(title=f"{title}: all that went wrong", columns=columns, rows=tuple(rows))
 

@@ -74,7 +74,13 @@ def test_misses_stay_visible() -> None:
         scored("fan_step", answer("unknown"), seed=7),
     ]
     table = misses("One", trials, lambda s: s.stated)
-    assert [(row[0], row[1], row[3]) for row in table.rows] == [("fan_step = 0.1", 7, "unknown")]
+    (row,) = (dict(zip(table.columns, row, strict=True)) for row in table.rows)
+    assert (row["hidden"], row["seed"], row["points"], row["verdict"]) == (
+        "fan_step = 0.1",
+        7,
+        100,
+        "unknown",
+    )
 
 
 def test_an_interval_is_judged_where_the_hidden_effect_is_thought_likely() -> None:
