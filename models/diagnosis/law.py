@@ -9,12 +9,12 @@ its formula has another exponent, another dependence on temperature or time. g i
 :math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
 columns, it is added to the covariance of every hypothesis that holds the cause, so that errors of its formula are not
 taken for a second cause. g has no level: that is in the value, whose interval is at least as wide as the law is
-uncertain, with what g's shapes do to the value included. Some errors look like another effect: harmonics that lose less
-than the formula says, like plain resistance. The way from the one effect to the other is then one of g's shapes. A
-reading near a threshold may lie on either side of it.
+uncertain, with what g's shapes do to the value included. What rises with the square of frequency may flatten at high
+harmonics, of which each set point has its own share (:mod:`sim.harmonics`): that is one of g's shapes, and has a level,
+for the value is that at the switching frequency. A reading near a threshold may lie on either side of it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -30,6 +30,7 @@ from models.diagnosis.signatures import Signature
 from models.diagnosis.thresholds import State
 
 Array = NDArray[np.float64]
+EddyShare = Callable[[float], Array]
 
 _WIDER = 2.0  # than the correlation lengths of a map: exponents bend over the whole of it
 _OF_TIME = 0.5  # of the campaign
@@ -53,27 +54,23 @@ def law_maps(observations: Observations) -> Array:
 
 
 def law_columns(
-    signatures: Sequence[Signature], observations: Observations, state: State
+    signatures: Sequence[Signature], observations: Observations, state: State, eddy: EddyShare | None = None
 ) -> Iterable[tuple[Signature, Array]]:
     """Every signature with the columns (r, M) of its error at a distance of one from off.
 
-    ``state`` is of the frame's rows, for the thresholds.
+    ``state`` is of the frame's rows, for the thresholds; ``eddy`` tells which share (M,) of an effect is left at every
+    reading where it flattens about a harmonic.
     """
     maps = law_maps(observations)
     for s in signatures:
-        columns = s.entry.law * np.concatenate([maps * s.slope, _like_another(s, signatures, observations)])
+        columns = s.entry.law * maps * s.slope
+        if eddy is not None and np.isfinite(s.entry.flattens_from):
+            lacking = np.nan_to_num(1.0 - eddy(s.entry.flattens_from))
+            columns = np.concatenate([columns, (lacking * s.slope)[None]])
         if s.entry.threshold:
             variants = [v for v in signatures if v.effect == s.effect]
             columns = np.concatenate([columns, _undecided(s, variants, observations, state)])
         yield s, columns
-
-
-def _like_another(signature: Signature, known: Iterable[Signature], observations: Observations) -> Array:
-    """The effect that an error of the law looks like, as much of it as lost at the input, less its own, (0 or 1, M)."""
-    at = observations.of("efficiency")
-    akin = [s.slope for s in known if s.effect == signature.entry.akin and np.any(s.slope[at])]
-    as_much = [(signature.slope[at] @ other[at]) / (other[at] @ other[at]) * other for other in akin]
-    return np.asarray(as_much).reshape(-1, signature.slope.size) - signature.slope
 
 
 def _undecided(

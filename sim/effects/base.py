@@ -94,8 +94,8 @@ class Effect:
     """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench.
 
     ``below_off`` is what to check first where the headline comes out below off, which the effect itself does not do.
-    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. ``akin`` is
-    the effect that such an error looks like, where one does.
+    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. What rises
+    with the square of frequency may flatten about the harmonic ``flattens_from``, one sigma.
     ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each; ``over_time``
     that it follows the time since the campaign began; ``inside_limits`` that the tolerance is the sigma of what is
     uniform inside a maker's limits.
@@ -109,7 +109,7 @@ class Effect:
     below_off: str = ""
     threshold: bool = False
     law: float = 0.02
-    akin: str | None = None
+    flattens_from: float = np.inf
     together: bool = False
     over_time: bool = False
     inside_limits: bool = False

@@ -113,7 +113,7 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("inductor.winding.ac_extra", "transformer.winding.ac_extra"),
         change=_added,
         law=0.15,
-        akin="link_resistance",  # what does not rise with frequency: harmonics may count for less
+        flattens_from=15.0,  # Assumption: litz, its strands 0.4 of the skin depth at the switching frequency
         says=(
             "the windings' resistance at the switching frequency is higher than modelled: skin and "
             "proximity effect"

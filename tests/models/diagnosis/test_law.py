@@ -192,14 +192,21 @@ def test_where_nobody_read_the_temperature_more_readings_are_free_and_each_by_it
     assert free[0] == 0.0  # three and a half sigmas beyond
 
 
-def test_an_error_of_the_skin_effects_law_may_look_like_plain_resistance() -> None:
-    skin, observations = (
-        Signature(entry=effect("skin_effect"), slope=GROWING * np.cos(POWER_W) ** 2),
-        loads(POWER_W),
-    )
-    ((_, alone),) = law_columns([skin], observations, State())
-    (_, (*others, like)), _ = law_columns([skin, LINK], observations, State())
-    np.testing.assert_array_equal(others, alone)
-    as_much = like / skin.entry.law + skin.slope  # of plain resistance
-    assert np.ptp(as_much / GROWING) < 1e-9  # rounding
-    assert abs(like @ GROWING) < 1e-9 * (GROWING @ GROWING)  # it loses no more in all
+def test_eddy_currents_may_flatten_at_high_harmonics_by_what_each_set_point_has_of_them() -> None:
+    skin, observations = Signature(entry=effect("skin_effect"), slope=GROWING), loads(POWER_W)
+    share = np.linspace(0.5, 1.0, READINGS)
+    share[3] = np.nan  # where nothing is switched
+    asked = []
+
+    def eddy(corner: float) -> np.ndarray:
+        asked.append(corner)
+        return share
+
+    (_, plain), (_, of_link) = law_columns([skin, LINK], observations, State())
+    (_, (*others, flat)), (_, link) = law_columns([skin, LINK], observations, State(), eddy)
+    np.testing.assert_array_equal(others, plain)
+    np.testing.assert_array_equal(link, of_link)  # a plain resistance has no harmonics
+    np.testing.assert_allclose(
+        flat, np.nan_to_num(1.0 - share) * GROWING, rtol=1e-12
+    )  # rounding; with its level
+    assert asked == [skin.entry.flattens_from]

@@ -1,0 +1,47 @@
+"""Harmonics in closed form, against a discrete Fourier transform of the same square waves."""
+
+import numpy as np
+import pytest
+
+from sim.harmonics import eddy_share
+from sim.operating_points import Points
+from sim.prototype import prototype
+
+D0, D1, D2 = np.array([0.05, 0.2, -0.3]), np.array([1.0, 0.45, 0.7]), np.array([0.0, 0.5, 0.15])
+POINTS = Points(D1=D1, D2=D2, power_W=1000.0).with_voltages_of(prototype())
+
+
+def inductor_V(samples: int) -> np.ndarray:
+    """The voltage across the inductance in one period, sampled in the middle of equal steps, (N, samples)."""
+    place = 2.0 * (np.arange(samples) + 0.5) / samples  # in half periods
+
+    def pulse(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """+1 from begin to end, both in half periods, and -1 half a period later."""
+        shifted = (place - begin[:, None]) % 2.0
+        width = (end - begin)[:, None]
+        return (shifted < width).astype(float) - ((shifted >= 1.0) & (shifted < 1.0 + width))
+
+    n = prototype().transformer.turns_ratio
+    primary = np.asarray(POINTS.V1_V)[..., None] * pulse(np.zeros_like(D1), D1)
+    return primary - n * np.asarray(POINTS.V2_V)[..., None] * pulse(D0 + D2, D0 + 1.0)
+
+
+@pytest.mark.parametrize("corner", [5.0, 15.0])
+def test_the_share_is_that_of_a_fourier_transform_of_the_sampled_waves(corner: float) -> None:
+    samples = 20_000
+    square = np.abs(np.fft.rfft(inductor_V(samples)))[:, 1:200] ** 2
+    k = np.arange(1, 200)
+    expected = (square / (1.0 + (k / corner) ** 2)).sum(axis=1) / square.sum(axis=1)
+    # an edge is moved by half a sample at most, of the width of the narrowest pulse 5e-4
+    np.testing.assert_allclose(eddy_share(prototype(), POINTS, D0, corner), expected, rtol=2e-3)
+
+
+def test_nothing_is_missing_where_nothing_flattens_and_more_the_lower_it_does() -> None:
+    shares = [eddy_share(prototype(), POINTS, D0, corner) for corner in (1e9, 15.0, 5.0)]
+    np.testing.assert_allclose(shares[0], 1.0, rtol=1e-12)  # rounding
+    assert np.all(np.diff(shares, axis=0) < 0.0)
+
+
+def test_where_nothing_is_switched_there_is_no_share() -> None:
+    found = eddy_share(prototype(), POINTS, np.array([0.05, np.nan, -0.3]), 15.0)
+    assert np.isnan(found).tolist() == [False, True, False]
