@@ -40,9 +40,7 @@ _EFFICIENCY_COLUMNS = [
     "P2_W",
     "efficiency",
 ]  # when is known to the truth's isolability too
-_LITTLE_LESS = (
-    0.9  # of what can be seen at all: a rival that leaves more in a nominal lab is none in another one
-)
+_LITTLE_LESS = 0.9  # of what is seen: an effect that leaves more in a nominal lab is no rival in another
 _U_OF = {"u_P1_W": ("P1_W", 3.5e-5), "u_P2_W": ("P2_W", 3.5e-5)}  # of reading: the mean of eight updates
 
 
