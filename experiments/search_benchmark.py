@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.training import feasible_of, simulated_table, tenth_of
 from drivers.mocks.lab.laboratory import Laboratory
@@ -28,7 +27,6 @@ from models.pso import OPTIMISERS, PSO_SAVL, PSO_SAVL_POLISHED
 from models.surrogate import StagedModel, train_d2ea
 from sim.model import Model
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 SEED = 20_500

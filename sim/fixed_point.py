@@ -120,9 +120,10 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
 
 
 def _left_open(station: Station, busy: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Which of the busy points do not settle by a response of their own; those that do are written to the station.
+    """Which of the busy points Newton's rule on all unknowns (:mod:`sim.neighbours`) leaves open.
 
-    Others near the end of their branch have their phase looked for in a bracket.
+    Settled ones are written to the station. Of the others those past ``_END`` of their branch are marked as not
+    reached, so that their phase is looked for in a bracket.
     """
     settled, there = settled_alone(station.take(busy))
     known = station.known

@@ -82,7 +82,7 @@ def _among(part: Any, size: int, rows: NDArray[np.intp]) -> Any:
 
 
 def _mean_power_W(pieces: Pieces, voltage_V: Array) -> Array:
-    """Mean of a voltage, (10, N) over the pieces, times the current."""
+    """Mean of a voltage, (K, N) over the pieces, times the current."""
     return np.asarray(np.sum(voltage_V * pieces.charge(), axis=0) / pieces.half_period_s)
 
 
@@ -98,7 +98,6 @@ class Sweep:
     ``view``, what Newton's rule needs of the edges, is there where it was asked for.
     """
 
-    flips: Array
     steps: Steps
     pieces: Pieces
     commutation: Commutation
@@ -115,7 +114,7 @@ class Sweep:
         pieces = march(circuit, steps, state[0])
         commutation, view = commutations(circuit, edges, flips, steps, pieces, sloped=sloped)
         return cls(
-            flips=flips, steps=steps, pieces=pieces, commutation=commutation, view=view,
+            steps=steps, pieces=pieces, commutation=commutation, view=view,
             gap_A=pieces.end_A[-1] + state[0],
             late=commutation.delay_s / circuit.half_period_s - state[1:5],
         )  # fmt: skip

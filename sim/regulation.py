@@ -210,7 +210,7 @@ def _start(
     return state, size > _FLAT
 
 
-def spare_power(circuit: Circuit, edges: Array, regulated: Regulated) -> Array:
+def spare_power(edges: Array, regulated: Regulated) -> Array:
     """About how much of its power (relative) each point could add before the end of its branch, (N,).
 
     Where the peak was not looked at it is that of the lossless curve with the delays of the solution.

@@ -220,7 +220,7 @@ class Station:
 
     def spare(self, state: OperatingState) -> Array:
         """About what power (relative) the points could add, (N,)."""
-        return spare_power(self._circuit(), self.edges, state.regulated)
+        return spare_power(self.edges, state.regulated)
 
     def _voltages(self) -> tuple[Array, Array]:
         """Of the dc links behind the cables."""

@@ -12,11 +12,8 @@ The load's negative resistance puts a pole into the right half plane, far below 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.parameters import ParameterError
-
-Array = NDArray[np.float64]
 
 _DELAY_PERIODS = 1.5
 _FREQUENCIES = np.geomspace(1.0, 1e6, 60001)

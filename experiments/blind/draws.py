@@ -14,7 +14,7 @@ from sim.effects.catalogue import CATALOGUE
 
 DESIGNS = 6  # of the pool: each costs the reach of far more than a hundred labs
 SIZES = (30, 200, 400)  # points of the trials that ask how many are needed, and whether more do harm
-_HOW_MANY = {1: 0.75, 2: 0.2, 3: 0.05}  # causes at once, where anything is wrong
+HOW_MANY = {1: 0.75, 2: 0.2, 3: 0.05}  # causes at once, where anything is wrong
 
 # Pairs that efficiency does not tell apart, or hardly; either may be the hidden one.
 TIED_PAIRS = (
@@ -92,7 +92,7 @@ def coverage(seeds: Seeds) -> Iterator[BlindTrial]:
     """One to three effects of any size, as the prior has them."""
     for seed in seeds.of("coverage"):
         rng = _rng(seed)
-        count = int(rng.choice(list(_HOW_MANY), p=list(_HOW_MANY.values())))
+        count = int(rng.choice(list(HOW_MANY), p=list(HOW_MANY.values())))
         names = rng.choice(hideable(), size=count, replace=False)
         hidden = tuple((str(name), from_prior(str(name), rng)) for name in names)
         yield BlindTrial(row="coverage", seed=seed, hidden=hidden)

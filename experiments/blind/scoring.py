@@ -121,14 +121,17 @@ def share(scored: Sequence[Scored], holds: Callable[[Scored], bool]) -> Share:
     return Share.of(holds(one) for one in judged(scored))
 
 
-def left_together(sigmas: Iterable[float]) -> float:
-    """How many of two causes each, so many sigmas apart, noise alone leaves in one group whoever judges.
+def left_by_noise(sigmas: Iterable[float], against: float = 0.0) -> float:
+    """How many of two explanations each, so many sigmas apart, noise alone leaves both possible, whoever judges.
 
     Under noise of one sigma the log odds between them are normal, of mean d^2/2 and variance d^2 (Van Trees, Detection,
-    Estimation, and Modulation Theory, 1968, section 2.6), and the right one alone is stated from 95 % on.
+    Estimation, and Modulation Theory, 1968, section 2.6), and the right one alone is stated from 95 % on. Beforehand
+    such log odds are ``against`` it.
 
-    >>> round(left_together([5.0, 10.0]), 4)
+    >>> round(left_by_noise([5.0, 10.0]), 4)
     0.028
+    >>> round(left_by_noise([5.0, 10.0], against=math.log(36)), 4)
+    0.1162
     """
     d = np.array([sigma for sigma in sigmas if np.isfinite(sigma)])
-    return float(np.sum(norm.cdf((_LOG_ODDS - 0.5 * d**2) / d)))
+    return float(np.sum(norm.cdf((_LOG_ODDS + against - 0.5 * d**2) / d)))

@@ -1,13 +1,15 @@
 """The parts that ask for a verdict: one effect, two, none, foreign ones, efficiency alone."""
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from experiments.blind.draws import SIZES, efficiency_only, foreign, nothing, pairs, singles, sizes
+from experiments.blind.draws import HOW_MANY, SIZES, efficiency_only, foreign, nothing, pairs, singles, sizes
 from experiments.blind.part import Outcome, Part, Run
-from experiments.blind.scoring import Scored, Share, judged, left_together, share
+from experiments.blind.reach import hideable
+from experiments.blind.scoring import Scored, Share, judged, left_by_noise, share
 from experiments.blind.trial import NOISES
 from experiments.harness.result import Cell, Table
 
@@ -99,7 +101,7 @@ def _efficiency_only(run: Run) -> Outcome:
             _by_effect("Efficiency only, by effect", scored),
             misses("Efficiency only", scored, _found),
         ),
-        notes=(*notes("efficiency only", scored), _by_chance(stated)),
+        notes=(*notes("efficiency only", scored), _faint(judged(scored)), _by_chance(stated)),
     )
 
 
@@ -118,8 +120,18 @@ def _sizes(run: Run) -> Outcome:
     return Outcome(tables=(table, misses("Sizes", scored, _found)), notes=notes("sizes", scored))
 
 
+def _faint(seen: Sequence[Scored]) -> str:
+    """One cause of the catalogue has beforehand so much less probability than that nothing is wrong."""
+    against = math.log(len(hideable()) / HOW_MANY[1])
+    expected = left_by_noise((s.isolability for s in seen if s.isolability is not None), against)
+    return (
+        f"efficiency only: noise alone leaves at least {expected:.1f} of {len(seen)} labs consistent, whoever judges "
+        f"with odds of {math.exp(against):.0f} against each cause: of those that stand out by five sigma 12 in 100"
+    )
+
+
 def _by_chance(stated: Sequence[Scored]) -> str:
-    expected = left_together(s.nearest for s in stated if s.nearest is not None)
+    expected = left_by_noise(s.nearest for s in stated if s.nearest is not None)
     return (
         f"efficiency only: noise alone leaves {expected:.1f} of {len(stated)} causes in one group with the next that "
         "the design can tell from them, whoever judges: those five sigma apart in 3 of 100 benches"

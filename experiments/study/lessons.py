@@ -65,7 +65,6 @@ class Errors:
     read: float
     true: float
     accuracy: float
-    bias: float
     floor: float
     emulation: float | None = None
 
@@ -112,7 +111,6 @@ def _judged(kind: str, predicted: Floats, judged: pd.DataFrame) -> dict[str, flo
     return {
         "read": POINTS * read.mean_abs,
         "accuracy": 100 * read.percentage,
-        "bias": POINTS * read.bias,
         "true": _mean_abs(predicted - judged["true"]),
         "emulation": _mean_abs(predicted - judged["simulated"]) if kind == SIMULATION_ONLY else None,
     }

@@ -135,9 +135,10 @@ def bench_options(
     again: Again | None = None,
     like: Model | None = None,
 ) -> Options:
-    """Everything that is allowed, in one look at it by every model.
+    """Every allowed measurement, with the readings that each model predicts there.
 
-    It is what was measured ``again`` where that is given, and all start from one ``like`` them where it is not.
+    With ``again`` they are those measured rows; else set points of the ``allowed``, solved from a simulation of
+    ``like``, by default the first of the models.
     """
     if again is None:
         points = _points(observations, models, allowed)

@@ -53,7 +53,7 @@ class Diagnosis:
     """The verdict with everything that it rests on; what causes are worth, what the points can see and what to measure
     next are found when they are asked for.
 
-    ``parts`` are those that what is stated needs further off than they are on any bench, in sigmas.
+    ``parts`` are those that the stated explanation needs beyond the everyday line, with how many sigmas each.
     ``held_out`` and ``ahead`` are the gains and the next measurements where they were worked out side by side already;
     None where they are worked out once asked for.
     """

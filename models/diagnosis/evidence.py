@@ -12,8 +12,6 @@ from models.diagnosis.hypotheses import Fit, Term, WeighedBeside, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery
 
-Array = NDArray[np.float64]
-
 P_LEFTOVER = 0.2
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
@@ -69,12 +67,12 @@ def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
 def _beyond_everyday(
     refinery: Refinery, hypotheses: Sequence[Hypothesis], searched: Sequence[Fit]
 ) -> list[Hypothesis]:
-    """The hypotheses with only that share of each which lies where its causes are further off than parts are.
+    """Each hypothesis with that share of its probability in which all its causes are beyond the everyday line.
 
-    The rest belongs to the hypothesis without that cause, and is moved there if it exceeds what that one has by itself:
-    then its spreads did not find the way. Its other causes then take their values from here, unless these are much
-    less certain or leave much more, as slopes that were not simulated make them: beside a threshold, what a part does
-    to a row that it carries across is no slope. ``searched`` are the fits as the search left them.
+    The rest is evidence for the hypothesis without that cause, and replaces that one's probability where it is larger:
+    the search then missed that state of the parts. The other causes take their values from here, unless these are much
+    vaguer or leave much more of the readings: beside a threshold, a part that carries a row across it has no slope.
+    ``searched`` are the fits as the search left them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
     before = {fit.key: fit for fit in searched}
@@ -102,10 +100,9 @@ def _beyond_everyday(
 
 
 def _log_nearer(refinery: Refinery, fit: Fit, term: Term) -> float:
-    """Log of what a fit keeps of its evidence with a value where the last step has it, if that is nearer to off.
+    """Log evidence that a fit of the search loses by its last step in one cause's value; 0 if that is no nearer to off.
 
-    The fit is as the search left it. The step takes laws as doubted as there. Nearer to off they are doubted less: what
-    only their doubt explained is left over again, and no part explains it.
+    Nearer to off the cause's law is doubted less: what only that doubt explained is left over again.
     """
     was = fit.term(term.effect)
     if abs(term.distance) >= abs(was.distance):
@@ -166,9 +163,9 @@ def _of_their_own(
     weighed: Sequence[WeighedBeside],
     leftovers: Sequence[Leftover | None],
 ) -> list[WeighedBeside]:
-    """The same, causes beside a threshold known no better than by what they do themselves, from off.
+    """The weighed fits, in which no cause beside a threshold is known better than its own signature tells it.
 
-    Which rows lie beyond it where nobody read them tells where it is, not how far off another cause is.
+    Rows that cross a threshold which nobody read tell where it is, not how far off the other cause is.
     """
     found = list(weighed)
     mixed = [k for k, fit in enumerate(fits) if len({t.signature.entry.threshold for t in fit.terms}) > 1]

@@ -90,9 +90,10 @@ def find(usable: Usable, baseline: Model, progress: Callable[[str], None]) -> Fo
 
 
 def _at_first_sight(begun: Begun) -> Found | None:
-    """What is found without the rows of the cause that is far ahead; None where it leaves all, or does not lead then.
+    """What is found without the rows that the cause far ahead brings near the limit.
 
-    With efficiency alone what bends there is asked of the state that a search has found, so that nothing is known yet.
+    None where it brings none there, where it does not lead afterwards, and with efficiency alone: how readings bend
+    near the limit is then asked of a state that a search has found.
     """
     if begun.usable.observations.efficiency_alone or (ahead := begun.far_ahead) is None:
         return None

@@ -162,15 +162,13 @@ class Geometry:
         """Products (Q, k) of the leftovers' basis with solved vectors (M, k)."""
         return _seen(self.basis_by_blocks, len(self.leftovers.basis), solved)
 
-    def products(self, seen: Projection, own: Rows, leftover: Leftover | None = None) -> tuple[Array, float]:
-        """``A^T C'^-1 A`` (k, k) and ``ln det C' - ln det C``, without the spreads ``own``, with a leftover."""
-        ((inner, log_det),) = self.products_beside([seen], [own], [leftover])
-        return np.asarray(inner[0]), float(log_det[0])
-
     def products_beside(
         self, seen: Sequence[Projection], own: Sequence[Rows], leftovers: Sequence[Leftover | None]
     ) -> list[tuple[Array, Array]]:
-        """The same of many projections, each beside L leftovers: products (L, k, k) and log-determinants (L,)."""
+        """``A^T C'^-1 A`` (L, k, k) and ``ln det C' - ln det C`` (L,) of many projections, each beside L leftovers.
+
+        C' is without the spreads ``own`` of each.
+        """
         widths = np.array([p.on_spreads.shape[1] for p in seen])
         order = np.argsort(widths, kind="stable")  # those of one width side by side: one call for all of them
         ends = np.cumsum([0, *widths[order]]).tolist()

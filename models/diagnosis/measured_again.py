@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 

@@ -208,10 +208,9 @@ def corrected(
 
 
 def told_by_replicates(observations: Observations, noise: list[ChannelNoise], sigma: Array) -> list[float]:
-    """What each channel's replicates scatter by over ``sigma`` (M,), what was taken for their noise, squared.
+    """Of each channel the mean square of its replicates' scatter over ``sigma`` (M,), their assumed noise; 1 at most.
 
-    It is 1 at most, and where they are too few. A floor and a margin are nothing that replicates say, and a drift is no
-    noise; rounding is all the same to them.
+    Floors, margins and drifts make ``sigma`` larger than the scatter; rounding is in both. 1 where replicates are few.
     """
     return [_told(observations, entry, sigma) for entry in noise]
 

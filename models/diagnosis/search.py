@@ -88,9 +88,10 @@ def _to_sharpen(refinery: Refinery, sharp: Sequence[Fit], rest: Sequence[Fit]) -
 
 
 def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list[Fit]]:
-    """Nothing, and every effect alone: all simulated once, those that lead to the end; and where searches start.
+    """Nothing and every single effect, fitted; and the simulated starting values of those that are far from a line.
 
-    What gains nothing so near off that its signature was simulated further out stays on its line about nothing's state.
+    All are simulated once, those that lead to the end. An effect that is likelier absent, and nearer to off than where
+    its signature was simulated, is not simulated again.
     """
     nothing, *lines = tangents
     straight = nothing.log_evidence
@@ -125,7 +126,7 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
 
 
 def _not_far_behind(refinery: Refinery, starts: Sequence[Fit], nothing: float) -> list[Fit]:
-    """Of places to start from, on their lines, those that are not so far behind nothing that none can be of use."""
+    """Those starting values whose evidence, on their lines, is in reach of the hypothesis that nothing is wrong."""
     least = hopeless(nothing, max(_FAR_BEHIND, _FAR_BEHIND_EACH * refinery.residual.size))
     weighed = refinery.weighed_all(starts)
     return [fit for fit, w in zip(starts, weighed, strict=True) if w.log_evidence > least]
@@ -219,7 +220,7 @@ def _significant(refinery: Refinery, fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _secants(nothing: Fit, scans: Iterable[Fit]) -> list[Term]:
-    """Effects that are far from a line, with slopes from off to each value that a search of them started from."""
+    """One term for each simulated starting value of an effect that is far from a line: the secant from off to it."""
     return [replace(t, slope=(f.shift - nothing.shift) / t.distance) for f in scans for t in f.terms]
 
 

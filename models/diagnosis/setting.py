@@ -175,11 +175,12 @@ def _steadier(observations: Observations, noise: list[ChannelNoise], sigma: Arra
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Settled:
-    """Noise, ``first`` as it was taken for, the doubt about the best explanation and what that leaves, (M,).
+    """Where the loop that fits the noise stands; all (M,): noise assumed at ``first`` and ``sigma`` now, the ``doubt``
+    about the best explanation's law, and what that explanation has ``left``.
 
     ``told`` is what replicates tell of the first noise. ``log_evidence`` is that of all explanations together after so
     many ``looks``, ``whole`` whether the best needs no leftover, ``rivals`` the leftovers that further looks ask about,
-    and ``still`` whether another one would change anything.
+    and ``still`` whether the loop has converged.
     """
 
     first: Array
@@ -217,9 +218,10 @@ class _Bench:
         steps: Sequence[tuple[float, float]],
         looks: int = 1,
     ) -> "tuple[_Bench, _Settled]":
-        """Doubted less by the share of each of the ``steps``, as long as it brings the log evidence that is asked for.
+        """With the doubt about the simulation reduced to the share of each of the ``steps`` in turn.
 
-        With something left over the simulation is not as good as that.
+        It goes on while a step gains the log evidence beside it, and leaves nothing over: where something is left, the
+        simulation is not as good as that.
         """
         bench = self
         for share, worth in steps:

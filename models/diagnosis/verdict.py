@@ -108,9 +108,9 @@ def _above(term: Term) -> float:
 
 
 def _catches(term: Term, fit: Fit) -> bool:
-    """Whether a threshold is too small, beside another cause, to be more than what that one's law misses.
+    """Whether a threshold effect merely takes up the error of another cause's law: it is small, and one is beside it.
 
-    What is beside it and as small as on any ordinary bench is no cause, and its law misses nothing to speak of.
+    What is beside it within the everyday line is no cause, and its law's error is small.
     """
     if not term.signature.entry.threshold or abs(term.distance) >= _OF_ITS_OWN * term.head.prior:
         return False

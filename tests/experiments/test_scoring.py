@@ -3,11 +3,12 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from scipy.stats import beta
 
 from experiments.blind.calibration import intervals, reliability, statements
-from experiments.blind.scoring import Share, share
+from experiments.blind.scoring import Share, left_by_noise, share
 from experiments.blind.verdicts import misses
 from tests.experiments.fabricated import answer, scored
 
@@ -52,6 +53,16 @@ def test_a_group_beside_a_name_counts_too() -> None:
 def test_excluded_trials_are_in_no_share() -> None:
     trials = [scored("dead_time", answer("named", "dead_time")), scored("fan_step", None)]
     assert share(trials, lambda s: s.right_first) == Share(hits=1, trials=1)
+
+
+@pytest.mark.parametrize("against", [0.0, math.log(36)])
+def test_noise_leaves_as_many_open_as_of_labs_that_are_drawn(against: float) -> None:
+    sigmas, labs = np.array([4.0, 5.5, 7.0]), 100_000
+    reading = sigmas + np.random.default_rng(3).standard_normal((labs, 3))
+    # of two normal densities, at the cause and at nothing
+    log_odds = -0.5 * (reading - sigmas) ** 2 + 0.5 * reading**2 - against
+    drawn = np.sum(np.mean(log_odds < math.log(19), axis=0))
+    assert left_by_noise(sigmas, against) == pytest.approx(drawn, abs=0.006)  # three sigmas of so many labs
 
 
 @pytest.mark.parametrize(("hits", "trials"), [(0, 6), (1, 6), (140, 156), (156, 156)])

@@ -38,7 +38,7 @@ def test_a_campaign_is_measured_once_in_a_folder(small: Settings, monkeypatch: p
 
 def test_a_mean_over_labs_weighs_labs_alike() -> None:
     def error(lab: int, read: float) -> Errors:
-        nothing = {"train": 1, "true": 0.0, "accuracy": 0.0, "bias": 0.0, "floor": 0.0}
+        nothing = {"train": 1, "true": 0.0, "accuracy": 0.0, "floor": 0.0}
         return Errors(lab=lab, split=0, kind="d2ea", read=read, **nothing)  # type: ignore[arg-type]
 
     mean, spread = over_labs([error(0, 1.0), error(0, 3.0), error(1, 5.0)], "read")

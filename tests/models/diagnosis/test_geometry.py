@@ -34,7 +34,7 @@ def direct(own: np.ndarray, leftover: Leftover | None) -> np.ndarray:
 def test_products_and_determinant_are_those_of_the_matrix_written_out(
     own: np.ndarray, leftover: Leftover | None
 ) -> None:
-    products, log_det = GEOMETRY.products(GEOMETRY.project(VECTORS), own, leftover)
+    (((products,), (log_det,)),) = GEOMETRY.products_beside([GEOMETRY.project(VECTORS)], [own], [leftover])
     covariance = direct(own, leftover)
     np.testing.assert_allclose(
         products, VECTORS @ np.linalg.solve(covariance, VECTORS.T), rtol=1e-9, atol=1e-12
@@ -64,7 +64,7 @@ def test_choices_among_vectors_have_the_products_of_each_alone() -> None:
     seen = GEOMETRY.project(VECTORS, basis=False)
     choices, own = np.array([[0, 2], [1, 2], [0, 1]]), [OWN, NOBODY, OWN[:1]]
     for found, chosen, spreads in zip(GEOMETRY.products_among(seen, choices, own), choices, own, strict=True):
-        products, log_det = GEOMETRY.products(seen.of(chosen), spreads)
+        (((products,), (log_det,)),) = GEOMETRY.products_beside([seen.of(chosen)], [spreads], [None])
         np.testing.assert_allclose(found[0][0], products, rtol=1e-12)  # rounding
         assert found[1][0] == pytest.approx(log_det, abs=1e-12)
 
