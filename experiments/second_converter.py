@@ -30,6 +30,7 @@ from models.feasibility import FeasibleMap
 from models.lattice import optimise_on_lattice
 from models.optimise import OptimumTable, optimise
 from models.pso import PSO_SAVL
+from models.screening import LOADED_KINDS
 from models.splits import split_experiment, split_simulation
 from models.surrogate import CALIBRATED, D2EA, EXPERIMENT_ONLY, SIMULATION_ONLY, SIMULATOR_FIRST, train_d2ea
 from sim.effects.catalogue import CATALOGUE
@@ -100,7 +101,7 @@ class Bench:
         plan = schedule(*self.drawn(count).T, reference_every=REFERENCE_EVERY)
         plan = replace(plan, time_s=np.linspace(0.0, CAMPAIGN_S / 4, plan.time_s.size))
         table = self.read(plan)
-        loaded = table["kind"].isin(("load", "reference")).to_numpy()
+        loaded = table["kind"].isin(LOADED_KINDS).to_numpy()
         D1, D2, power_W = table.loc[loaded, ["D1", "D2", "P2_W"]].to_numpy(dtype=np.float64).T
         table[["simulated", "true"]] = np.nan
         table.loc[loaded, "simulated"] = self.simulated(D1, D2, power_W)

@@ -15,17 +15,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.columns import columns, columns_of, impossible
-from sim.fixed_point import Outcome, carries, operate
+from sim.fixed_point import carries
 from sim.model import Model
-from sim.modulation import centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
-from sim.neighbours import Response, approach, started, unknowns_of
+from sim.neighbours import unknowns_of
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
-from sim.piecewise import power_share
 from sim.side_by_side import dealt, side_by_side
+from sim.solution import Seed, Solution, refused, solve
 from sim.stacking import pick, stack
-from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK, WarmStart, station_of
+from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK
 
 __all__ = ["PARTS", "Points", "Result", "can_run", "each_can_run", "grid", "grid_of", "simulate", "simulate_each",
            "simulate_many"]  # fmt: skip
@@ -33,7 +31,6 @@ __all__ = ["PARTS", "Points", "Result", "can_run", "each_can_run", "grid", "grid
 Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
-_SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
 _WORTH_SHARING = 400  # rows in each process: to send them takes a tenth of what they take
 _SATURATING = 15  # others at the same points take as long as one variant that saturates
 _MANY = 4  # variants at once that pay for their response being learned
@@ -51,7 +48,7 @@ class Result:
     feasible: NDArray[np.bool_]
     reason: NDArray[np.str_]
     values: dict[str, Array]
-    seed: "_Seed | None" = field(default=None, repr=False, compare=False)
+    seed: Seed | None = field(default=None, repr=False, compare=False)
     state: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False, compare=False)
 
     def __getitem__(self, column: str) -> Array:
@@ -106,9 +103,7 @@ def simulate_each(
     variants, results, seed = list(cases), [], None if near is None else near.seed
     if seed is None:
         first, points = variants.pop(0)
-        whole = _solve(
-            first.altered_converter(), first.set_points(points), None, learn=len(variants) >= _MANY
-        )
+        whole = solve(first.altered_converter(), first.set_points(points), None, learn=len(variants) >= _MANY)
         results, seed = [_result(first, points, whole)], whole.seed
     if variants:
         distinct, slots = _circuits(variants)
@@ -121,13 +116,13 @@ def simulate_each(
 
 def reference(model: Model, points: Points) -> Result:
     """A result for many variants to start from: how its points respond to whatever changes is found as well."""
-    solved = _solve(model.altered_converter(), model.set_points(points), None, learn=True)
+    solved = solve(model.altered_converter(), model.set_points(points), None, learn=True)
     return _result(model, points, solved)
 
 
 Case = tuple[Model, Points]
 _Circuit = tuple[Converter, Points]
-_Share = tuple[list[_Circuit], "_Seed | None", list[Array | None]]
+_Share = tuple[list[_Circuit], Seed | None, list[Array | None]]
 
 
 def _circuits(cases: Sequence[Case]) -> tuple[list[_Circuit], list[int]]:
@@ -147,8 +142,8 @@ def _circuits(cases: Sequence[Case]) -> tuple[list[_Circuit], list[int]]:
 
 
 def _all_solved(
-    circuits: "list[_Circuit]", seed: "_Seed | None", starts: Sequence[Array | None], processes: int
-) -> "list[_Solution]":
+    circuits: "list[_Circuit]", seed: Seed | None, starts: Sequence[Array | None], processes: int
+) -> list[Solution]:
     """Converters at their points, all in one call but for those that saturate, and a call in each process."""
     size = len(circuits[0][1])
     cost = [_SATURATING if c.inductor.saturates else 1 for c, _ in circuits]
@@ -164,14 +159,14 @@ def _all_solved(
     return [found[k] for k in range(len(circuits))]
 
 
-def _share_solved(share: "_Share") -> "list[tuple[list[int], _Solution]]":
+def _share_solved(share: "_Share") -> "list[tuple[list[int], Solution]]":
     """Solutions, each of some of the share's circuits one after the other."""
     (circuits, seed, starts), found = share, []
     for chosen, converter, points in _stacked(circuits):
         unknown = np.full((unknowns_of(converter), len(circuits[0][1])), np.nan)
         ahead = [unknown if own is None else own for own in (starts[k] for k in chosen)]
         start = None if seed is None else replace(seed, ahead=np.concatenate(ahead, axis=1))
-        found.append((chosen, _solve(converter, points, start)))
+        found.append((chosen, solve(converter, points, start)))
     return found
 
 
@@ -198,7 +193,7 @@ def each_can_run(models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
     circuits, slots = _circuits([(model, given) for model in models])
     runs = np.empty((len(circuits), len(points)), dtype=bool)
     for chosen, converter, moved in _stacked(circuits):
-        alone = _refused(converter, moved) == ""
+        alone = refused(converter, moved) == ""
         tried = np.flatnonzero(alone & np.asarray(moved.pwm, dtype=bool))
         if tried.size:
             alone[tried] = carries(pick(converter, tried), moved.take(tried))
@@ -206,101 +201,7 @@ def each_can_run(models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
     return runs[slots]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Seed:
-    """Warm starts of the points ``rows`` (K,) of a set of ``size``; ``spare`` (K,) tells which have power to spare.
-
-    ``ahead`` (n, V size) is where V variants start with their response, NaN where at the start itself.
-    """
-
-    size: int
-    rows: NDArray[np.intp]
-    start: WarmStart
-    spare: NDArray[np.bool_]
-    response: Response | None = None
-    ahead: Array | None = None
-
-    @classmethod
-    def of(cls, size: int, rows: NDArray[np.intp], outcome: Outcome, *, learn: bool) -> "_Seed":
-        """Of what was solved at ``rows`` of ``size`` points."""
-        solved, response = outcome.station.ready(outcome.state), None
-        if learn and rows.size:
-            response, look = Response.of(solved)
-            solved = response.nearer(solved, look)
-        return cls(
-            size=size, rows=rows, start=solved.start(), spare=outcome.comfortable(_SPARE), response=response
-        )
-
-    def take(self, chosen: NDArray[np.intp]) -> "_Seed":
-        """The starts for some of the points."""
-        place = self.find(chosen)
-        rows = np.flatnonzero(place >= 0)
-        own = place[rows]
-        return _Seed(
-            size=chosen.size, rows=rows, start=self.start.take(own), spare=self.spare[own],
-            response=None if self.response is None else self.response.take(own),
-        )  # fmt: skip
-
-    def find(self, rows: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Which start each row of a repeated set has, -1 for none."""
-        place = np.full(self.size, -1)
-        place[self.rows] = np.arange(self.rows.size)
-        return np.asarray(place[rows % self.size])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Table:
-    """What is found at N points, columns (C, N) and states of variants (n, N), written to as it is found."""
-
-    reason: NDArray[np.str_]
-    columns: Array
-    states: Array
-
-    def put(self, rows: NDArray[np.intp], columns: Array, why: NDArray[np.str_]) -> None:
-        """Columns (C, K) of some points; of those that cannot be, the reason why."""
-        sound = np.flatnonzero(why == "")
-        self.columns[:, rows[sound]] = columns[:, sound]
-        for k in np.flatnonzero(why != "").tolist():
-            self.reason[rows[k]] = why[k]
-
-    def visit(
-        self,
-        converter: Converter,
-        points: Points,
-        rows: NDArray[np.intp],
-        seed: _Seed,
-        place: NDArray[np.intp],
-    ) -> NDArray[np.intp]:
-        """Solve variants from their neighbours in ``seed``; which of the rows that did not settle."""
-        if seed.response is None or not rows.size:
-            return np.arange(rows.size)
-        at, open_ = points.take(rows), np.ones(rows.size, dtype=bool)
-        station = station_of(pick(converter, rows), at, seed.start.take(place))
-        if seed.ahead is not None:
-            station = started(station, seed.ahead.take(rows, axis=1))
-        for found in approach(station, seed.response, place):
-            self.put(rows[found.rows], found.columns, found.why)
-            self.states[:, rows[found.rows]] = found.unknowns
-            open_[found.rows] = False
-        return np.flatnonzero(open_)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Solution:
-    """Reason of infeasibility ("" where feasible), every column's true value, a start for variants, and the state."""
-
-    reason: NDArray[np.str_]
-    values: dict[str, Array]
-    seed: _Seed | None
-    state: Array
-
-    def rows(self, chosen: slice) -> "_Solution":
-        """A stretch of the points."""
-        values = {name: value[chosen] for name, value in self.values.items()}
-        return _Solution(reason=self.reason[chosen], values=values, seed=None, state=self.state[:, chosen])
-
-
-def _result(model: Model, points: Points, solution: _Solution) -> Result:
+def _result(model: Model, points: Points, solution: Solution) -> Result:
     at = model.set_points(points)
     shown = model.observe(at, _with_added_loss(model, at, solution.values))
     return Result(
@@ -322,78 +223,3 @@ def _with_added_loss(model: Model, points: Points, truth: dict[str, Array]) -> d
         "loss_added_W": truth["loss_added_W"] + added,
         "efficiency": efficiency(P1, truth["P2_W"]),
     }
-
-
-def _ceiling_W(points: Points, converter: Converter) -> Array:
-    """More than a point can carry: the lossless peak with both pulses widened by two dead times."""
-    scale_W = (
-        points.V1_V * points.V2_V * converter.transformer.turns_ratio
-        * converter.half_period_s / (converter.inductor.inductance_H * converter.inductor.bands()[1][-1])
-    )  # fmt: skip
-    wider = 2 * converter.dead_time_s / converter.half_period_s
-    D1, D2 = np.minimum(points.D1 + wider, 1.0), np.maximum(points.D2 - wider, 0.0)
-    share, _ = power_share(hybrid_edges(0.5 - centre_offset(D1, D2), D1, D2))
-    return np.asarray(scale_W * share)
-
-
-def _solve(converter: Converter, points: Points, seed: _Seed | None, *, learn: bool = False) -> _Solution:
-    """Solve every point that can be; points with a start in ``seed`` go from there.
-
-    Without one, variants may start from what is left; with ``learn`` they know its response as well.
-    """
-    size = len(points)
-    reason = _refused(converter, points)
-    standby = ~np.asarray(points.pwm, dtype=bool)
-    names = columns_of(converter)
-    table = _Table(
-        reason=reason,
-        columns=np.full((len(names), size), np.nan),
-        states=np.full((unknowns_of(converter), size), np.nan),
-    )
-    run = np.flatnonzero((reason == "") & ~standby)
-    place = np.full(run.size, -1) if seed is None else seed.find(run)
-    left: _Seed | None = None
-    if seed is not None:
-        near = np.flatnonzero(place >= 0)
-        open_ = table.visit(converter, points, run[near], seed, place[near])
-        keep = np.sort(np.concatenate([np.flatnonzero(place < 0), near[open_]]))
-        run, place = run[keep], place[keep]
-        place[place >= 0] = np.where(seed.spare[place[place >= 0]], place[place >= 0], -1)
-    for rows, start in ((run[place < 0], None), (run[place >= 0], seed)):
-        if not rows.size:
-            continue
-        at = points.take(rows)
-        warm = None if start is None else start.start.take(place[place >= 0])
-        outcome = operate(pick(converter, rows), at, warm)
-        for k in np.flatnonzero(~outcome.reached).tolist():
-            reason[rows[k]] = _why_not(float(outcome.most_W[k]))
-        there = np.flatnonzero(outcome.reached)
-        found = columns(converter, outcome.state, at.take(there))
-        table.put(rows[there], found, impossible(outcome.state, found))
-        if seed is None:
-            left = _Seed.of(size, rows[there], outcome, learn=learn)
-    values = dict(zip(names, table.columns, strict=True))
-    for name in ("P1_W", "I1_A", "P2_W", "loss_added_W"):
-        values[name][standby] = 0.0
-    values["T_heatsink_C"][standby] = np.asarray(points.ambient_C)[standby]
-    return _Solution(reason=reason, values=values, seed=left, state=table.states)
-
-
-def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
-    """Why a point need not be tried, "" where it must; standby is never refused."""
-    dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, (len(points),))
-    D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
-    reason, open_ = np.full(len(points), "", dtype="U96"), np.asarray(points.pwm, dtype=bool).copy()
-    for told in (infeasible_pulse(D1, D2, dead), outside_modulation(converter.modulation, D1, D2)):
-        rows = np.flatnonzero(open_ & (told != ""))
-        reason[rows], open_[rows] = told[rows], False
-    most = _ceiling_W(points, converter)
-    for k in np.flatnonzero(open_ & (np.abs(points.power_W) >= most)):
-        reason[k] = f"D1 and D2 carry less than {most[k]:.0f} W"
-    return reason
-
-
-def _why_not(most_W: float) -> str:
-    if np.isfinite(most_W):
-        return f"D1 and D2 carry at most {most_W:.0f} W into the secondary bridge"
-    return "no steady state found"

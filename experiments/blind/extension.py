@@ -19,6 +19,7 @@ from experiments.blind.trial import BlindTrial, laboratory
 from experiments.harness.result import POINTS, Goal, Table
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
+from models.screening import LOADED_KINDS
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.operating_points import Points
@@ -73,7 +74,7 @@ def ask_extended(trial: BlindTrial) -> dict[str, Any]:
     settled = settle(lab, trial.plan)
     table = survey(lab, trial.plan, seed=trial.seed, settled=settled)
     truth = survey(lab.without_noise(), trial.plan, seed=trial.seed, settled=settled)
-    rows = table["kind"].isin(("load", "reference")).to_numpy()
+    rows = table["kind"].isin(LOADED_KINDS).to_numpy()
     kept = np.zeros(len(table), dtype=bool)
     kept[rows] = kept_band(table[rows], trial.seed)
     points, shown_W = points_of(table[rows]), table.loc[rows, "P1_W"].to_numpy()

@@ -34,6 +34,7 @@ from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import SUPPLY_V, Schedule, Settled, schedule, settle, survey
 from experiments.blind.sight import Sight
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
+from models.screening import LOADED_KINDS
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.operating_points import Points
@@ -49,7 +50,6 @@ CHANNELS = (
 )  # fmt: skip
 EFFICIENCY_ONLY = ("P1_W",)
 POINTS = 100
-_LOADED = ("load", "reference")
 _OF_PORT_1 = {"input_gain": ("voltage_gain", "current_gain"), "input_offset_A": ("offset_A",)}
 _ROOT_3, _UPDATES = 3**0.5, 8
 # What a bench holds its terminal voltages to, one sigma, and the share of it that an analyzer's reading leaves unseen
@@ -76,7 +76,7 @@ def design(seed: int, points: int = POINTS) -> Schedule:
 
 def readings(table: pd.DataFrame) -> pd.Series:
     """All finite readings of a table, by time and channel."""
-    idle = ~table["kind"].isin(_LOADED)
+    idle = ~table["kind"].isin(LOADED_KINDS)
     standby = table["kind"] == "standby"
     values = table.set_index("time_s")[list(CHANNELS)]
     values = values.mask(standby.to_numpy()[:, None] & (np.array(CHANNELS) != "P1_W"))
@@ -314,7 +314,7 @@ def _instruments(base: pd.Series, table: pd.DataFrame) -> list[Array]:
 
 def _laws(base: pd.Series, table: pd.DataFrame) -> Array:
     """The lab's readings less the simulator's, both of nominal parts, at rows that carry load."""
-    loaded = table[table["kind"].isin(_LOADED)]
+    loaded = table[table["kind"].isin(LOADED_KINDS)]
     points = Points(D1=loaded["D1"].to_numpy(), D2=loaded["D2"].to_numpy(), power_W=loaded["P2_W"].to_numpy())
     simulated = simulate(Model.baseline(), points)
     columns = {channel: np.asarray(simulated[channel]) for channel in CHANNELS}

@@ -33,6 +33,7 @@ from experiments.harness.lab_data import random_set_points
 from experiments.harness.result import Table
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
+from models.screening import LOADED_KINDS
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -105,7 +106,7 @@ class Bench:
     def of(cls, trial: BlindTrial) -> "Bench":
         """The first campaign: rows that carry load."""
         table = survey(laboratory(trial), trial.plan, seed=trial.seed)
-        loaded = table[table["kind"].isin(("load", "reference"))]
+        loaded = table[table["kind"].isin(LOADED_KINDS)]
         return cls(trial, loaded[_COLUMNS])
 
     def carry_out(self, steps: Sequence[Proposal]) -> None:
@@ -211,7 +212,7 @@ def _possible(trial: BlindTrial) -> tuple[float, list[str]]:
     time_s = rows.index.get_level_values(0).to_numpy()
     kind = pd.Series(plan.kind, index=plan.time_s).reindex(time_s).to_numpy()
     channel = rows.index.get_level_values(1).to_numpy()
-    first = (time_s <= start_s) & np.isin(kind, ("load", "reference"))
+    first = (time_s <= start_s) & np.isin(kind, LOADED_KINDS)
     chosen = np.flatnonzero(first & (channel == "P1_W"))
     candidates = np.flatnonzero((time_s > start_s) & (channel == "P1_W"))
     sigma = rows.beyond(chosen)

@@ -22,6 +22,7 @@ from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import Schedule, noise_free_efficiency, schedule, survey
 from experiments.harness.journal import code_hash
 from experiments.harness.settings import Settings
+from models.screening import LOADED_KINDS
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.simulate import Points, grid, simulate
@@ -126,7 +127,7 @@ def _campaign(number: int, points: int) -> pd.DataFrame:
     chosen = set_points(points, np.random.default_rng([seed_of(number), 21]))
     plan = paced(schedule(*chosen.T, reference_every=REFERENCE_EVERY))
     table = survey(laboratory(number), plan, seed=seed_of(number))
-    loaded = table["kind"].isin(("load", "reference")).to_numpy()
+    loaded = table["kind"].isin(LOADED_KINDS).to_numpy()
     rows = table.loc[loaded, ["D1", "D2", "P2_W"]].to_numpy(dtype=np.float64)
     D1, D2, power_W = rows.T
     table[["simulated", "true"]] = np.nan

@@ -19,6 +19,7 @@ from drivers.mocks.faults import Fault, FaultFile
 from drivers.mocks.rack import Rack
 from experiments.survey.campaign import job
 from experiments.survey.steady_plant import NOISE, Setting, SteadyPlant, truth
+from models.screening import LOADED_KINDS
 
 CODES = (1, 2, 3, 4, 6)
 ALARMS = {"supply": ("OVP", "OCP", "OT"), "load": ("OVP", "OCP", "OPP", "OT")}
@@ -148,7 +149,7 @@ def _latched(script: Script, rack: Rack, store: Store) -> bool | None:
 def wrong_numbers(table: pd.DataFrame) -> Iterator[str]:
     """Measured numbers of accepted rows that are not what the plant shows there."""
     for row in table.to_dict(orient="records"):
-        loaded = row["kind"] in ("load", "reference")
+        loaded = row["kind"] in LOADED_KINDS
         setting = Setting(
             supply_on=True,
             supply_V=300.0,

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from models.screening import LOADED_KINDS
 from sim.model import Model
 from sim.operating_points import Points
 from sim.parameters import Converter
@@ -64,7 +65,6 @@ _WITHOUT_LOAD = {
     "T_transformer_C",
     "T_inductor_C",
 }
-LOADED = ("load", "reference")
 _DEAD_V = 1.0  # an output below this is off
 
 
@@ -91,7 +91,7 @@ class Observations:
     @property
     def loaded(self) -> NDArray[np.bool_]:
         """Mask over the frame's rows: those that carry power."""
-        return self.frame["kind"].isin(LOADED).to_numpy()
+        return self.frame["kind"].isin(LOADED_KINDS).to_numpy()
 
     @property
     def efficiency_alone(self) -> bool:
@@ -204,7 +204,7 @@ def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Ob
     for k, c in enumerate(present):
         readings = frame[c.column].astype(float).to_numpy()
         usable = np.isfinite(readings) & (
-            np.isin(kind, LOADED)
+            np.isin(kind, LOADED_KINDS)
             | ((kind == "standby") & (c.name in _IN_STANDBY))
             | ((kind == "no_load") & (c.name in _WITHOUT_LOAD))
         )

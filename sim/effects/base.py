@@ -1,6 +1,7 @@
 """What an effect is: something a converter or a bench may have that the baseline does not model.
 
-An effect changes one stage only, by overriding that one method; every other method hands back what it got.
+An effect changes one stage only, by overriding that one method; every other method hands back what it got. One with a
+threshold also overrides ``undecided``, which changes nothing: it tells which points may lie on either side.
 Its OFF value leaves results bit-identical.
 """
 
