@@ -27,7 +27,7 @@ class Core:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Winding:
-    """A winding: dc resistance at 25 degC, and the extra resistance at ``ac_frequency_Hz``, relative.
+    """A winding: dc resistance at 25 degC, and the extra resistance at the switching frequency, relative to that.
 
     The extra grows with frequency squared (the low-frequency branch of Dowell's equation, which litz
     wire keeps to well above the switching frequency).

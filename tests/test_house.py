@@ -5,15 +5,17 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from functools import cache
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 from typer.main import get_command
 
 from bench.cli import build
-from bench.config import CampaignConfig, check
+from bench.config import BenchConfig, CampaignConfig, Section, check
 from bench.store import COLUMNS
 from bench.verdict_wording import VERDICTS
 from bench.wording import MODEL_NAMES, effect_name
@@ -24,6 +26,7 @@ from models.screening import KINDS, KNOWN_COLUMNS
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.modulation import EDGES
+from sim.parameters import Converter
 from sim.simulate import PARTS, Points, simulate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -103,12 +106,109 @@ def test_kinds_verdicts_and_models_are_those_of_the_code() -> None:
     assert first_cells("Efficiency models") == list(MODEL_NAMES)
 
 
-def test_parameters_end_in_a_listed_unit_or_have_none() -> None:
-    endings = {unit.removeprefix("_") for unit in first_cells("Units")}
-    units = {"Ohm", "W", "H", "s", "V", "A", "C", "K_per_h"}
-    named = {p.name for entry in CATALOGUE.values() for p in entry.parameters if p.unit != "1"}
-    assert all(any(name.endswith(f"_{unit}") for unit in units) for name in named)
-    assert units - {"K_per_h"} <= endings
+def listed_units() -> set[str]:
+    """Endings of names in the table of units, some of which share a row."""
+    return {ending.strip().removeprefix("_") for cell in first_cells("Units") for ending in cell.split(",")}
+
+
+_ONE = r"(?:[A-Z][A-Za-z]*\d?|[mu]?s|min|h|m\d|deg|rad)"
+_ENDING = re.compile(rf"_((?:{_ONE}_)?per_{_ONE}(?:_{_ONE})*|{_ONE})$")
+_NO_UNIT = {"paper_D0", "start_D1", "start_D2", "relative_L", "vl_min"}  # symbols, and a lower limit
+
+
+def ending(name: str) -> str | None:
+    """What a name ends in where that looks like a unit.
+
+    >>> ending("slope_A_per_s"), ending("area_m2"), ending("start_D1"), ending("turns")
+    ('A_per_s', 'm2', None, None)
+    """
+    found = None if name in _NO_UNIT else _ENDING.search(name)
+    return found[1] if found else None
+
+
+def public_names(path: Path) -> Iterator[str]:
+    """Functions, their arguments, and fields of classes of a module that do not begin with an underscore."""
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield node.name
+            yield from (a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs))
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from (
+                item.target.id
+                for item in node.body
+                if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)
+            )
+
+
+def test_units_are_those_that_public_names_end_in() -> None:
+    named = {name for path in MODULES for name in public_names(path)}
+    named |= {p.name for entry in CATALOGUE.values() for p in entry.parameters}
+    assert {unit for name in named if (unit := ending(name))} == listed_units()
+
+
+def test_parameters_of_effects_end_in_a_listed_unit_or_have_none() -> None:
+    parameters = [p for entry in CATALOGUE.values() for p in entry.parameters]
+    assert [p.name for p in parameters if (ending(p.name) in listed_units()) is (p.unit == "1")] == []
+
+
+# Numbers in files that need no unit; a new one is entered here, or ends in its unit.
+DIMENSIONLESS = {
+    "converter": {
+        "current_exponent", "voltage_exponent", "grading", "saturation", "ac_extra", "alpha", "beta", "turns",
+        "turns_ratio",
+    },
+    "bench.toml": {"input", "output", "link1", "link2", "unit", "speed", "start_D1", "start_D2"},
+    "campaign.toml": {
+        "seed", "points", "shape", "repeats", "reference_every", "heat_margin", "standby", "no_load", "D1", "D2",
+        "start", "at_once", "candidates", "probability", "optimum", "lost", "spread", "samples",
+        "power_tolerance", "voltage_tolerance",
+    },
+}  # fmt: skip
+# Keys that have a unit and do not end in it, as NOMENCLATURE.md says.
+UNIT_NOT_TOLD = {
+    "converter": {"k"},
+    "bench.toml": {"baud", "ranges"},
+    "campaign.toml": {"minutes", "every", "slope"},
+}
+
+
+def numbers_of(kind: type) -> Iterator[str]:
+    """Names of the fields of an object, and of the objects in it, that hold a number or several."""
+    for name, hint in get_type_hints(kind).items():
+        inside = [each for each in _types_in(hint) if isinstance(each, type)]
+        owners = [each for each in inside if is_dataclass(each) or issubclass(each, Section)]
+        for owner in owners:
+            yield from numbers_of(owner)
+        if not owners and {int, float} & set(inside) and name not in ("tolerances", "model_config"):
+            yield name
+
+
+def _types_in(hint: object) -> Iterator[object]:
+    yield hint
+    for argument in get_args(hint):
+        yield from _types_in(argument)
+
+
+@pytest.mark.parametrize(
+    ("file", "kind"),
+    [("converter", Converter), ("bench.toml", BenchConfig), ("campaign.toml", CampaignConfig)],
+)
+def test_numbers_in_files_end_in_a_listed_unit_or_need_none(file: str, kind: type) -> None:
+    plain = {name for name in numbers_of(kind) if ending(name) not in listed_units()}
+    assert plain == DIMENSIONLESS[file] | UNIT_NOT_TOLD[file]
+
+
+def test_keys_whose_unit_is_not_in_their_name_are_told() -> None:
+    told = section("NOMENCLATURE.md", "Units").partition("do not end in it")[2].partition("\n\n")[0]
+    assert set(re.findall(r"`(\w+)`", told)) == set().union(*UNIT_NOT_TOLD.values())
+
+
+def test_words_that_modules_of_the_diagnosis_are_named_after_are_told() -> None:
+    told = set(first_cells("Words of the diagnosis"))
+    named = {"common mode", "law", "leftover", "race", "refinery", "setting", "sight"}
+    assert named | {"bend", "doubt", "everyday line", "rival", "tangent"} <= told
+    modules = {path.stem.replace("_", " ") for path in (ROOT / "models" / "diagnosis").glob("*.py")}
+    assert named <= modules, "a module that is gone needs no word"
 
 
 # --- README.md ----------------------------------------------------------------------------------------

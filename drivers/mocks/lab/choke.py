@@ -39,15 +39,15 @@ class Choke:
         return np.asarray(straight_A * (1 + bend * (1 + bend * (3 + bend * (12 + 55 * bend)))))
 
     def charge(self, pieces: Pieces) -> Array:
-        """Integral of i over each piece, (10, N) in A s."""
+        """Integral of i over each piece, (K, N) in A s."""
         return self._integral(self.current(_straight(pieces)), pieces)
 
     def square(self, pieces: Pieces) -> Array:
-        """Integral of i^2 over each piece, (10, N) in A^2 s."""
+        """Integral of i^2 over each piece, (K, N) in A^2 s."""
         return self._integral(self.current(_straight(pieces)) ** 2, pieces)
 
     def secondary_square(self, pieces: Pieces) -> Array:
-        """Integral of the squared current that the transformer hands on, over each piece, (10, N) in A^2 s."""
+        """Integral of the squared current that the transformer hands on, over each piece, (K, N) in A^2 s."""
         return self._integral((self.current(_straight(pieces)) - _magnetizing(pieces)) ** 2, pieces)
 
     def extra_W(self, orbit: Orbit) -> Array:
@@ -63,7 +63,7 @@ class Choke:
 
 
 def _straight(pieces: Pieces) -> Array:
-    """The solver's current at the quadrature's nodes in each piece, (4, 10, N)."""
+    """The solver's current at the quadrature's nodes in each piece, (4, K, N)."""
     time_s = _NODES[:, None, None] * pieces.duration_s
     line = pieces.share * pieces.magnetizing_A_per_s
     decayed = -np.expm1(-pieces.decay_per_s * time_s) / pieces.decay_per_s

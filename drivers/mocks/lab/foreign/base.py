@@ -38,11 +38,11 @@ class Moment:
 
     @property
     def live(self) -> NDArray[np.bool_]:
-        """Pieces (10, N) in which the primary's voltage is on."""
+        """Pieces (K, N) in which the primary's voltage is on."""
         return np.asarray(np.abs(self.orbit.pieces.vp_V) > 0.5 * self.circuit.V1_V)
 
     def mean(self, integral: Array) -> Array:
-        """A sum of integrals over pieces (10, N) as a mean over the half period, (N,)."""
+        """A sum of integrals over pieces (K, N) as a mean over the half period, (N,)."""
         return np.asarray(np.sum(integral, axis=0) / self.circuit.half_period_s)
 
     @property

@@ -1,0 +1,120 @@
+"""The page of files has every key that a file may have, with its default and what is allowed, and no other."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import pytest
+from pydantic.fields import FieldInfo
+
+from bench.config import BenchConfig, CampaignConfig, Section
+from bench.model_file import KEYS
+from bench.toml_file import to_toml
+from sim.converter_data import ConverterDataError, converter_from_plain
+from sim.parameters import Converter
+from tests.docs.tables import Row, tables
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "files.md"
+FILES: dict[str, type[Section]] = {"bench.toml": BenchConfig, "campaign.toml": CampaignConfig}
+BOUNDS = ("ge", "gt", "le", "lt")
+
+
+def section_in(annotation: object) -> type[Section] | None:
+    """The table of a file that a key opens, or one of several; None for a value."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    return next((found for arg in get_args(annotation) if (found := section_in(arg))), None)
+
+
+def sections(kind: type[Section], path: str = "") -> Iterator[tuple[str, type[Section]]]:
+    """Every table of a file by its path, the file itself first."""
+    yield path, kind
+    for name, field in kind.model_fields.items():
+        if found := section_in(field.annotation):
+            yield from sections(found, f"{path}.{name}".lstrip("."))
+
+
+def values(kind: type[Section]) -> dict[str, FieldInfo]:
+    """The keys of a table that are no tables themselves."""
+    return {name: f for name, f in kind.model_fields.items() if not section_in(f.annotation)}
+
+
+def default(field: FieldInfo) -> str:
+    """A key's default as the page shows it."""
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    if value is None:
+        return "–"
+    return "none" if value == {} else to_toml({"key": value}).strip().removeprefix("key = ")
+
+
+def allowed(field: FieldInfo) -> set[str]:
+    """Bounds and choices of a key, as they have to be read beside it."""
+
+    def of(annotation: object, metadata: Any) -> Iterator[object]:
+        for each in metadata:
+            yield from of(None, each.metadata) if isinstance(each, FieldInfo) else ()
+            yield from (getattr(each, name) for name in BOUNDS if hasattr(each, name))
+        if get_origin(annotation) is Literal:
+            yield from get_args(annotation)
+        else:
+            for arg in get_args(annotation):
+                yield from of(arg, getattr(arg, "__metadata__", ()))
+
+    return {f"{v:g}" if isinstance(v, int | float) else str(v) for v in of(field.annotation, field.metadata)}
+
+
+def listed(file: str) -> dict[str, tuple[Row, ...]]:
+    """The rows of each table that the page has of a file, by path; a heading may stand for several."""
+    found: dict[str, tuple[Row, ...]] = {}
+    for table in tables(PAGE):
+        if table.part == file:
+            found |= dict.fromkeys(re.findall(r"\[+([\w.]+)\]+", table.heading) or [""], table.rows)
+    return found
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_table_of_a_file_is_on_the_page_and_no_other(file: str) -> None:
+    assert sorted(listed(file)) == sorted(path for path, _ in sections(FILES[file]))
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_key_is_on_the_page_with_its_default_and_no_other(file: str) -> None:
+    shown = {path: {key: stated for key, _, stated, _ in rows} for path, rows in listed(file).items() if rows}
+    there = {
+        path: {key: default(f) for key, f in values(kind).items()} for path, kind in sections(FILES[file])
+    }
+    assert shown == there
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_bounds_and_choices_stand_beside_every_key(file: str) -> None:
+    rows = {(path, row[0]): row for path, table in listed(file).items() for row in table}
+    for path, kind in sections(FILES[file]):
+        for key, field in values(kind).items():
+            told = set(re.findall(r"\d+(?:\.\d+)?|[a-z_]+", rows[path, key][1]))
+            assert allowed(field) <= told, f"{path}.{key}"
+            assert rows[path, key][3], f"{path}.{key}"
+
+
+def test_the_keys_of_a_model_file_are_on_the_page() -> None:
+    of_file, of_converter = listed("model.toml")[""], listed("model.toml")["converter"]
+    assert [row[0] for row in of_file] == list(KEYS)
+    assert {row[0] for row in of_converter} == {f.name for f in fields(Converter)} - {"modulation"}
+
+
+def test_what_a_model_file_may_leave_out_of_its_converter_is_told_with_its_default() -> None:
+    stated = {row[0]: row[1] for row in listed("model.toml")["converter"]}
+    with pytest.raises(ConverterDataError) as refused:
+        converter_from_plain({})
+    missing = {wrong.keys[0] for wrong in refused.value.wrong}
+    assert missing == {key for key, shown in stated.items() if shown == "required"}
+    whole = tomllib.loads((PAGE.parent / "examples" / "two_level_dab.toml").read_text(encoding="utf-8"))
+    least = converter_from_plain({key: whole["converter"][key] for key in missing})
+    assert {key: str(getattr(least, key)) for key in stated.keys() - missing} == {
+        key: stated[key] for key in stated.keys() - missing
+    }
