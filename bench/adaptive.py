@@ -305,10 +305,12 @@ def _usual(minutes: FloatArray, otherwise: float) -> float:
 
 def _diagnosed(table: pd.DataFrame, bench: BenchConfig) -> "Diagnosis | str":
     """The diagnosis of the accepted rows against the bench's model, or why there is none."""
+    from bench.diagnosing import NotDiagnosed, refused_in_words
     from models.dataset import load_measurements  # here: it takes a second to load, and every verb would pay
     from models.diagnosis.diagnose import diagnose
 
     try:
-        return diagnose(load_measurements(table), model_of(bench.converter))
-    except ValueError as error:  # too few rows, or a table that cannot be of this converter
-        return str(error)
+        with refused_in_words():
+            return diagnose(load_measurements(table), model_of(bench.converter))
+    except NotDiagnosed as why:
+        return str(why)

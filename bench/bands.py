@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-LOADED = ("load", "reference")
+from models.screening import LOADED_KINDS
+
 SHARES = (0.3, 0.5, 0.8)  # of the largest power: light, medium and heavy load as in the paper's figures
 RESIDUAL_CHANNELS = (
     "efficiency", "D0", "P1_W", "P_link1_W", "P_link2_W", "I_L_rms_A",
@@ -38,7 +39,7 @@ class Band:
 def loaded_rows(measurements: pd.DataFrame) -> pd.DataFrame:
     """The measured rows that carry power."""
     kinds = measurements["kind"] if "kind" in measurements else pd.Series("load", index=measurements.index)
-    return measurements[kinds.isin(LOADED) & measurements["efficiency"].notna()].reset_index(drop=True)
+    return measurements[kinds.isin(LOADED_KINDS) & measurements["efficiency"].notna()].reset_index(drop=True)
 
 
 def power_bands(

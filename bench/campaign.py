@@ -7,7 +7,6 @@ the ledger: what was accepted or rejected stays, what had begun is measured anew
 are in the ledger, with why, before any of them is set; while they are chosen, the bench's heartbeat goes on.
 """
 
-import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
@@ -171,7 +170,6 @@ class _Run:
     # --- the campaign -------------------------------------------------------------------------------
 
     def run(self, state: State) -> CampaignOutcome:
-        started = time.perf_counter()
         self.state = state
         mark = (self.store.url, self.id)
         _RUNNING.add(mark)
@@ -196,7 +194,6 @@ class _Run:
             settled=self.store.settled(self.id),
             power_off=report,
             bench_seconds=self.clock.now() - self.start_s,
-            real_seconds=time.perf_counter() - started,
         )
 
     def _begin_session(self) -> None:

@@ -89,6 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         _say("failed", f"{error.filename}: {error.strerror}" if error.filename else error)
         sys.exit(FAILED)
     except (BenchError, InstrumentError, ValueError) as error:
+        log.debug("failed", exc_info=error)  # a ValueError may be this program's own fault
         _say("failed", error)
         sys.exit(FAILED)
     except Exception as error:

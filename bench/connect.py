@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 from bench.config import BenchConfig, DcDeviceConfig
 from bench.errors import BenchError
 from bench.lock import ports_of_bench
-from bench.prediction import model_of
+from bench.prediction import modulation_of
 from bench.spy import log_of
 from drivers.analyzer import Analyzer, load_analyzer_model
 from drivers.clock import Clock
@@ -144,7 +144,7 @@ def open_all(
         "analyzer": lambda: _analyzer(config, clock, spy_of("analyzer")),
         "supply": lambda: DcSupply(_modbus(config.supply, of_supply, spy_of("supply")), clock=clock),
         "load": lambda: ElectronicLoad(_modbus(config.load, of_load, spy_of("load")), clock=clock),
-        "controller": lambda: _controller(config, spy_of("controller")),
+        "controller": lambda: open_controller(config, spy_of("controller")),
     }
     opened = {}
     for name, opener in openers.items():
@@ -212,7 +212,8 @@ def _analyzer(config: BenchConfig, clock: Clock, spy: Spy | None) -> Analyzer:
     )
 
 
-def _controller(config: BenchConfig, spy: Spy | None) -> Controller:
+def open_controller(config: BenchConfig, spy: Spy | None = None) -> Controller:
+    """The controller of a bench; nothing has been said to it."""
     c = config.controller
     link = ByteLink.open(c.resource, baud=c.baud, spy=spy)
     return Controller(
@@ -220,7 +221,7 @@ def _controller(config: BenchConfig, spy: Spy | None) -> Controller:
         heartbeat_s=c.heartbeat_s,
         timeout_s=c.timeout_s,
         lateness_s=c.lateness_s,
-        modulation=model_of(config.converter).converter.modulation,
+        modulation=modulation_of(config.converter),
     )
 
 

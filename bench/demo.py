@@ -19,10 +19,11 @@ import pandas as pd
 from bench.campaign import CampaignOutcome, Job, Surroundings, measurement_table, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
 from bench.demo_beside import LOADS_W, carried_loads, diagnosed, simulated_grid, unseen_points
+from bench.errors import InputError
 from bench.model_file import rests_on, write_model
 from bench.processes import pool_of
 from bench.progress import Progress
-from bench.store import Store
+from bench.store import DEFAULT_URL, Store
 from bench.training import efficiency_of
 from drivers.clock import StepClock
 from drivers.mocks.lab.laboratory import Laboratory
@@ -54,6 +55,8 @@ from sim.simulate import Points, simulate
 
 Table = pd.DataFrame
 Say = Callable[[str], None]
+DATABASE = "demo.sqlite"  # in the folder of results
+_OPERATORS = Path(DEFAULT_URL).name  # the database that other verbs make where none is named
 _LISTENS_EVERY_S = 0.5  # on the wall: a bench on a stepped clock lives through minutes of its own meanwhile
 
 
@@ -103,17 +106,31 @@ class DemoResult:
     seconds: dict[str, float]
 
 
+def fresh_database(folder: Path) -> Path:
+    """Where the campaigns of a demo go; the ones of an earlier demo are gone.
+
+    Raises InputError where somebody keeps measurements of their own.
+    """
+    if (folder / _OPERATORS).exists():
+        allowed = f"holds measurements in {_OPERATORS}; name another folder, or move that file away"
+        raise InputError.of("command line", "--out", str(folder), allowed)
+    for end in ("", "-wal", "-shm"):
+        (folder / f"{DATABASE}{end}").unlink(missing_ok=True)
+    return folder / DATABASE
+
+
 def run_demo(plan: DemoPlan, *, say: Say, progress: Callable[[Progress], None]) -> DemoResult:
-    """Run the whole loop; the bench is off when this returns, and when it raises."""
+    """Run the whole loop; the bench is off when this returns, and when it raises.
+
+    Raises InputError, before anything runs, where the results would stand among somebody's own measurements.
+    """
     watch = Stopwatch()
     started = time.perf_counter()
     with watch.step("setup"):
         clock = StepClock()
         plant = Plant.virtual(seed=plan.seed, hidden=plan.hidden, clock=clock)
         plan.out.mkdir(parents=True, exist_ok=True)
-        database = plan.out / "d2ea.sqlite"
-        for stale in plan.out.glob("d2ea.sqlite*"):
-            stale.unlink()
+        database = fresh_database(plan.out)
     with pool_of(1) as workers, Rack(plant) as rack, Store(f"sqlite:///{database}") as store:
         simulating = workers.submit(simulated_grid)
         mapping, drawing = workers.submit(carried_loads), workers.submit(unseen_points, plan.seed)
@@ -285,13 +302,18 @@ def _by_load(verified: Table) -> dict[float, float]:
 
 
 def _swarm(table: OptimumTable) -> dict[str, Any]:
+    """A search in the summary, null where a load is carried nowhere: JSON has no NaN."""
+    (regret,), D1, D2 = (
+        [x if np.isfinite(x) else None for x in found]
+        for found in ([table.worst_regret], table.D1.tolist(), table.D2.tolist())
+    )
     return {
         "model": D2EA,
         "name": table.optimiser,
         "evaluations": table.evaluations,
-        "regret": table.worst_regret,
-        "D1": table.D1.tolist(),
-        "D2": table.D2.tolist(),
+        "regret": regret,
+        "D1": D1,
+        "D2": D2,
     }
 
 

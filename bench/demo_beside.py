@@ -20,7 +20,7 @@ Table = pd.DataFrame
 
 LOADS_W = np.arange(200.0, 2001.0, 100.0)
 _UNSEEN = 300  # points on which every model is judged; none of them was measured
-_FEASIBLE_SHARE = 0.35  # of the box that they are drawn from, at the least
+_FEASIBLE_SHARE = 0.35  # of the box that they are drawn from; where it is less, more are drawn
 
 
 def simulated_grid() -> tuple[Table, float]:
@@ -39,13 +39,17 @@ def carried_loads() -> FeasibleMap:
 
 
 def unseen_points(seed: int) -> Points:
-    """Set points that were not measured, feasible for the baseline, with some power to spare."""
+    """Set points that were not measured, feasible for the baseline as those of the campaign are."""
     rng = np.random.default_rng([seed, 4])
     size = int(_UNSEEN / _FEASIBLE_SHARE)
-    drawn = Points(
-        D1=rng.uniform(0.3, 1.0, size), D2=rng.uniform(0.0, 0.6, size), power_W=rng.uniform(200, 2000, size)
-    )
-    return drawn.take(np.flatnonzero(simulate(Model.baseline(), drawn).feasible)[:_UNSEEN])
+    found = np.empty((3, 0))
+    while found.shape[1] < _UNSEEN:
+        drawn = np.stack([rng.uniform(*ends, size) for ends in ((0.3, 1.0), (0.0, 0.6), (200.0, 2000.0))])
+        D1, D2, power_W = drawn
+        runs = simulate(Model.baseline(), Points(D1=D1, D2=D2, power_W=power_W)).feasible
+        found = np.hstack([found, drawn[:, runs]])
+    D1, D2, power_W = found[:, :_UNSEEN]
+    return Points(D1=D1, D2=D2, power_W=power_W)
 
 
 def diagnosed(frame: Table, seed: int) -> tuple[Diagnosis, float]:

@@ -10,8 +10,9 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from bench import charts, diagnosis_charts
+from bench.html import environment
 from bench.questions import diagnosis_actions
-from bench.report import environment, rows_left_out
+from bench.report import TEMPLATES, rows_left_out
 from bench.so_far import so_far_text
 from bench.verdict_wording import unexplained_text, verdict_text
 from bench.wording import (
@@ -46,7 +47,7 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
     """Write the page; the file holds its own styles, scripts and data."""
     d = page.diagnosis
     text = (
-        environment()
+        environment(TEMPLATES)
         .get_template("diagnosis.html")
         .render(
             data=page,

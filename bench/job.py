@@ -95,7 +95,6 @@ class CampaignOutcome:
     settled: int
     power_off: PowerOffReport
     bench_seconds: float  # on the bench's clock
-    real_seconds: float
 
 
 def planned(row: Mapping[Any, Any]) -> PlannedPoint:

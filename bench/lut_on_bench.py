@@ -6,7 +6,7 @@ analyzer shows with what was predicted.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,15 +15,16 @@ import pandas as pd
 
 from bench.campaign import Surroundings
 from bench.config import BenchConfig, CampaignConfig, check
-from bench.connect import Inspection, Instruments, open_instruments
+from bench.connect import Inspection, Instruments, open_controller, open_instruments
 from bench.instruments import Bench
 from bench.job import Job
+from bench.lock import ports_of_bench
 from bench.plan import PlannedPoint
-from bench.prediction import SimulatedConverter
+from bench.prediction import SimulatedConverter, modulation_of
+from bench.spy import log_of
 from drivers.clock import Clock
-from drivers.controller import Applied, Controller, TableRow
+from drivers.controller import Applied, TableRow
 from drivers.identity import Identity
-from drivers.transport import ByteLink
 from models.lut import edge_gap_of, makeable
 
 OWN_METER = 0.02  # how far the controller's own power may be from the analyzer's, relative
@@ -47,14 +48,11 @@ def table_rows(table: pd.DataFrame) -> tuple[TableRow, ...]:
 def load_into_controller(config: BenchConfig, table: pd.DataFrame) -> Held:
     """Load a table and read it back; it is not yet in use. No other instrument is touched.
 
-    Raises InstrumentError: refused, not reached, or not the same when it is read back.
+    Raises InstrumentError: refused, not reached, or not the same when it is read back; BenchTaken while somebody has
+    the bench.
     """
-    link = ByteLink.open(config.controller.resource, baud=config.controller.baud)
-    controller = Controller(link, heartbeat_s=config.controller.heartbeat_s)
-    try:
+    with ports_of_bench(config), closing(open_controller(config, log_of("controller"))) as controller:
         return Held(identity=controller.identify(), rows=controller.load_table(table_rows(table)))
-    finally:
-        controller.close()
 
 
 class TableBench(Bench):
@@ -70,6 +68,7 @@ class TableBench(Bench):
     ) -> None:
         super().__init__(config, instruments, clock, inspection)
         self._rows = rows
+        self._modulation = modulation_of(config.converter)
 
     def configure(self) -> None:
         """As any bench, and the table loaded and read back."""
@@ -80,7 +79,7 @@ class TableBench(Bench):
         """Let the controller follow its table at the power that is drawn; what it then applies."""
         self._of.controller.use_table()
         told = self.beat()
-        return Applied(D1=told.D1, D2=told.D2, mode="hybrid")
+        return Applied(D1=told.D1, D2=told.D2, mode=self._modulation)
 
 
 def following(rows: tuple[TableRow, ...]) -> Surroundings:

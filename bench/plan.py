@@ -100,7 +100,7 @@ def make_plan(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, 
         tried = len(candidates)
     if not len(feasible):
         raise InputError.of(file, "plan", None, f"none of {tried} set points is feasible: {dict(left_out)}")
-    reference = _reference(plan, feasible, campaign, predict, file)
+    reference = _reference(plan, feasible, predict, file)
     start = _start(bench, max(feasible[:, 2].max(), reference.power_W), predict)
     rows = _rows(plan, feasible, (reference, start), rng)
     most = _budget(plan, len(rows), file)
@@ -273,9 +273,7 @@ def _refuse_outside_limits(campaign: CampaignConfig, bench: BenchConfig, file: s
 # --- the rows ---------------------------------------------------------------------------------------
 
 
-def _reference(
-    plan: PlanConfig, feasible: Box, campaign: CampaignConfig, predict: Predictor, file: str
-) -> SetPointConfig:
+def _reference(plan: PlanConfig, feasible: Box, predict: Predictor, file: str) -> SetPointConfig:
     """The reference asked for, else the feasible point nearest to the middle of all of them."""
     if plan.reference is None:
         spread = np.ptp(feasible, axis=0)

@@ -84,3 +84,8 @@ def model_of(converter: ConverterConfig) -> Model:
     """The simulation model of a bench, under the bench's modulation."""
     model = model_from(converter.model)
     return model if converter.modulation is None else model.driven_by(converter.modulation)
+
+
+def modulation_of(converter: ConverterConfig) -> str:
+    """The modulation of a bench: its own where it names one, else its model's."""
+    return model_of(converter).converter.modulation

@@ -11,31 +11,23 @@ from typing import Any
 
 import pandas as pd
 import plotly.graph_objects as go
-from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 from plotly.offline import get_plotlyjs
 
 from bench import charts
 from bench.bands import loaded_rows
+from bench.html import environment
 from bench.questions import diagnosis_actions
-from bench.verdict_wording import unexplained_text, verdict_class, verdict_text
+from bench.verdict_wording import unexplained_text, verdict_text
 from bench.wording import (
     MODEL_NAMES,
-    action_text,
-    added_power,
-    channel_name,
     counted,
-    duration,
     effect_name,
-    fixed,
     join,
     minus,
-    parameter_text,
     per_cent,
     points_text,
-    probability_text,
     probable_causes,
     size_text,
-    unbroken,
     words,
 )
 from sim.effects.catalogue import effect
@@ -76,28 +68,10 @@ class ReportData:
         return pd.DataFrame(list(self.summary.get("optimum") or ()), columns=OPTIMUM).astype(float)
 
 
-def environment() -> Environment:
-    """Where the pages' templates come from, with the filters that they use."""
-    made = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=ChainableUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made.filters |= {
-        "points": points_text, "per_cent": per_cent, "duration": duration,
-        "words": effect_name, "counted": counted, "fixed": fixed, "added_power": added_power,
-        "parameter": lambda parameter: unbroken(parameter_text(parameter)),
-        "action": action_text, "channel": channel_name, "probability": probability_text, "verdict_class": verdict_class,
-    }  # fmt: skip
-    return made
-
-
 def write_report(path: Path, data: ReportData) -> None:
     """Write the report; the file holds its own styles, scripts and data."""
     page = (
-        environment()
+        environment(TEMPLATES)
         .get_template("report.html")
         .render(
             data=data,

@@ -4,8 +4,9 @@ A candidate of each kind (D²EA; the simulator itself with trees for the gap; ca
 the rows makes of the simulator) is fitted to the accepted rows outside
 the held-out blocks (:mod:`models.held_blocks`). Those inside judge: the best candidate against the model in use and
 the simulation itself, on rows that the model in use was not fitted to either. It is promoted when its mean absolute
-error is not larger than theirs; what was judged is what is used, no refit follows. A model in use that this version
-cannot read is no rival: nothing can predict with it. Either way the decision and its reason go into the journal.
+error is not larger than theirs; what was judged is what is used, no refit follows. A candidate that predicts none of
+those rows is left out. A model in use that this version cannot read is no rival: nothing can predict with it. Either
+way the decision and its reason go into the journal.
 
 Nothing here touches a bench: it reads the database beside a campaign, which never waits for it.
 """
@@ -24,7 +25,7 @@ from bench.optimum import BestModulation, loads_of
 from bench.store import Store
 from bench.training import HALF_WIDTH, HELD_OUT, NotTrained, Say, Trainer, efficiency_of, simulated_table
 from bench.training_data import Places, TrainingData, same_bench
-from bench.wording import points_text
+from bench.wording import join, points_text
 from models.accuracy import accuracy_of, half_width
 from models.boosting import Floats
 from models.calibrated import vouched
@@ -59,11 +60,6 @@ class Retraining:
     decision: Decision | None = None
     lut: Lut | None = None
     files: tuple[Path, ...] = ()
-
-    @property
-    def promoted(self) -> bool:
-        """Whether the candidate is in use now."""
-        return self.decision is not None and self.decision.decision is Choice.PROMOTED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +105,8 @@ class Retrainer:
             return Retraining(said=said)
         judged = data.rows[unseen]
         candidates, missing = self._candidates(data, np.flatnonzero(~held))
+        candidates, blind = comparable(candidates, rivals, judged)
+        missing += blind
         if not candidates:
             return Retraining(said=f"waiting: {'; '.join(missing)}")
         candidate, errors, others = self._best(candidates, rivals, judged)
@@ -216,11 +214,7 @@ class Retrainer:
     def _verdict(self, model: str, errors: Mapping[str, float], judged: int) -> tuple[bool, str]:
         """Whether the candidate is no worse than its rivals, and the reason in words."""
         own = errors[CANDIDATE]
-        rivals = {
-            name: "the simulation" if name == SIMULATION else f"model {name}"
-            for name in errors
-            if name != CANDIDATE
-        }
+        rivals = {name: rival_name(name) for name in errors if name != CANDIDATE}
         told = f"{points_text(own)} points on {judged} unseen rows"
         against = " and ".join(f"{said} {points_text(errors[name])}" for name, said in rivals.items())
         if model in self.journal.rolled_back():
@@ -233,6 +227,35 @@ class Retrainer:
 def _metrics(candidate: StagedModel, judged: pd.DataFrame, error: float) -> dict[str, float]:
     width = half_width(candidate.predict(*inputs_of(judged)), truth_of(judged))
     return {HELD_OUT: error, HALF_WIDTH: width}
+
+
+def comparable(
+    candidates: Mapping[str, StagedModel], rivals: Mapping[str, EfficiencyModel], judged: pd.DataFrame
+) -> tuple[dict[str, StagedModel], list[str]]:
+    """Candidates that predict some rows which their rivals, and each other, predict too; why the others cannot be
+    judged."""
+    known = np.all([_predicted(model, judged) for model in rivals.values()], axis=0)
+    if not known.any():
+        return {}, [
+            f"none of the {len(judged)} unseen rows is predicted by {join([*map(rival_name, rivals)])}"
+        ]
+    kept, blind = dict[str, StagedModel](), list[str]()
+    for kind, model in candidates.items():
+        shared = known & _predicted(model, judged)
+        if shared.any():
+            kept[kind], known = model, shared
+        else:
+            blind.append(f"{kind} predicts none of the {known.sum()} unseen rows to judge on")
+    return kept, blind
+
+
+def _predicted(model: EfficiencyModel, measured: pd.DataFrame) -> Bools:
+    return np.isfinite(model.predict(*inputs_of(measured)))
+
+
+def rival_name(name: str) -> str:
+    """What a candidate is compared with, in words."""
+    return "the simulation" if name == SIMULATION else f"model {name}"
 
 
 def errors_on(measured: pd.DataFrame, models: Mapping[str, EfficiencyModel]) -> dict[str, float]:

@@ -34,7 +34,7 @@ def parse_space(grid: str, vary: Sequence[str], converter: Converter) -> Space:
     """``25x25x20`` over D1, D2 and power, and ``NAME=LOW:HIGH:COUNT`` for every further input, as one space."""
     D1, D2, power = _counts(grid)
     rated_W = converter.rated_power_W
-    axes = [_axis(text, converter) for text in vary]
+    axes = [_axis(text) for text in vary]
     twice = sorted({a.name for a in axes if [b.name for b in axes].count(a.name) > 1})
     if twice:
         raise InputError.of(OPTION, "--vary", ", ".join(twice), "each input once")
@@ -56,7 +56,7 @@ def _counts(text: str) -> tuple[int, int, int]:
     return D1, D2, power
 
 
-def _axis(text: str, converter: Converter) -> Axis:
+def _axis(text: str) -> Axis:
     name, _, span = text.partition("=")
     form = "NAME=LOW:HIGH:COUNT, such as V2_V=120:160:5 or inductor.inductance_H=200e-6:260e-6:4"
     try:

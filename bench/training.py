@@ -13,11 +13,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from bench.diagnosing import NotDiagnosed, refused_in_words
 from bench.errors import BenchError
 from bench.training_data import Places, TrainingData
-from models.accuracy import Accuracy, accuracy, half_width
+from models.accuracy import Accuracy, accuracy_of, half_width
 from models.boosting import Floats
-from models.dataset import DatasetError, load_measurements
+from models.dataset import load_measurements
 from models.feasibility import Bools
 from models.registry import data_hash
 from models.splits import split_experiment, split_simulation
@@ -95,11 +96,13 @@ class Trainer:
         rows = split_experiment(data.rows, seed=seed)
         judged = self.fit(kind, data, rows.train)
         unseen = data.rows.iloc[rows.validation]
-        truth = unseen["efficiency"].to_numpy(dtype=float)
+        predicted, truth = judged.predict(*inputs_of(unseen)), unseen["efficiency"].to_numpy(dtype=float)
+        if not np.isfinite(predicted).any():
+            raise NotTrained(f"no {kind} model: it predicts none of the {len(unseen)} rows that judge it")
         return Trained(
             model=self.fit(kind, data, np.arange(len(data))),
-            held_out=accuracy(judged, unseen),
-            half_width=half_width(judged.predict(*inputs_of(unseen)), truth),
+            held_out=accuracy_of(predicted, truth),
+            half_width=half_width(predicted, truth),
             data_sha256=data_hash(data.table, self.simulated),
         )
 
@@ -110,23 +113,29 @@ class Trainer:
             SIMULATION_ONLY: lambda: train_simulation_only(self.simulated),
             EXPERIMENT_ONLY: lambda: train_experiment_only(measured),
             D2EA: lambda: train_d2ea(self.simulated, measured),
-            SIMULATOR_FIRST: lambda: train_simulator_first(efficiency_of(self.simulator), measured),
+            SIMULATOR_FIRST: lambda: self._simulator_first(measured),
             CALIBRATED: lambda: self._calibrated(data.beside_idle(chosen)),
         }
         return fits[kind]()
 
+    def _simulator_first(self, measured: pd.DataFrame) -> StagedModel:
+        efficiency = efficiency_of(self.simulator)
+        if not np.isfinite(efficiency(*inputs_of(measured))).any():
+            said = f"the simulation predicts none of the {len(measured)} rows to fit"
+            raise NotTrained(f"no {SIMULATOR_FIRST} model: {said}")
+        return train_simulator_first(efficiency, measured)
+
     def _calibrated(self, measured: pd.DataFrame) -> StagedModel:
         from models.diagnosis.diagnose import diagnose  # here: it loads slowly
-        from models.diagnosis.plausibility import ImplausibleTable
-        from models.diagnosis.usable import TooFewPoints
 
         def say(said: str) -> None:
             self.say(f"{CALIBRATED}: {said}")
 
         try:
-            found = diagnose(load_measurements(measured), self.simulator, progress=say)
-        except (DatasetError, ImplausibleTable, TooFewPoints) as error:
-            raise NotTrained(f"no {CALIBRATED} model: {error}") from error
+            with refused_in_words():
+                found = diagnose(load_measurements(measured), self.simulator, progress=say)
+        except NotDiagnosed as why:
+            raise NotTrained(f"no {CALIBRATED} model: {why}") from why
         return StagedModel(kind=CALIBRATED, stages=(found.calibrated,))
 
 

@@ -25,7 +25,7 @@ def replacing(path: Path) -> Iterator[Path]:
         raise
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Replace ``path`` by that text, in one step."""
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Replace ``path`` by that content, in one step."""
     with replacing(path) as file:
-        file.write_text(text, encoding="utf-8")
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())

@@ -13,7 +13,7 @@ import typer
 from rich.markup import escape
 
 from bench.campaign import Surroundings, resume_campaign, run_campaign
-from bench.commands.live import duration, live
+from bench.commands.live import live
 from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
 from bench.config import BenchConfig, CampaignConfig, read_bench, read_campaign
@@ -29,6 +29,7 @@ from bench.states import STOPPED
 from bench.store import BenchRow, BenchState, Row, Store, database_url
 from bench.toml_file import read_toml, to_toml
 from bench.whole_file import write_whole
+from bench.wording import duration
 from drivers.clock import WallClock
 
 if TYPE_CHECKING:

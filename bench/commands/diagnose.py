@@ -14,12 +14,13 @@ from rich.table import Table
 from bench.commands.measurements import read_measurements
 from bench.commands.options import Database, check_folder
 from bench.commands.streams import err, out, stamp
+from bench.diagnosing import answer_of
 from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
 from bench.errors import InputError
-from bench.imported import frequencies_by_import, left_out_by_import, left_out_text
+from bench.imported import frequencies_by_import, left_out_text
 from bench.model_file import model_from, rests_on, write_model
 from bench.questions import first_questions
-from bench.so_far import measured_so_far, so_far_text
+from bench.so_far import so_far_text
 from bench.table_file import write_table
 from bench.verdict_wording import unexplained_text, verdict_text
 from bench.whole_file import write_whole
@@ -41,7 +42,7 @@ from sim.model import Model
 from sim.parameters import ParameterError
 
 if TYPE_CHECKING:
-    from bench.store import Store
+    from bench.store import Row, Store
 
 MOST_ROWS = 5000  # memory of a diagnosis rises with readings squared: some gigabytes here
 
@@ -100,9 +101,7 @@ def diagnose(
         raise InputError.of(where, "rows", None, f"{error}; {asked}") from error
     except ImplausibleTable as error:
         raise InputError.of(where, "columns", None, str(error)) from error
-    plain = (
-        found.as_plain(str(out_dir / "model.toml")) | {"notes": list(table.notes)} | _before(campaign_id, db)
-    )
+    plain = answer_of(found, table, _campaign(campaign_id, db), str(out_dir / "model.toml"))
     write_model(out_dir / "model.toml", found.extended, rests_on(plain, table.frame, where))
     text = json.dumps(plain, indent=1, allow_nan=False, default=float)
     for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
@@ -175,13 +174,12 @@ def measured(data: str, db: str | None) -> tuple[Measurements, int | None, bool]
     return load_measurements(frame), int(data), virtual
 
 
-def _before(campaign_id: int | None, db: str | None) -> dict[str, Any]:
-    """How much of a campaign was measured, and what its import left out."""
+def _campaign(campaign_id: int | None, db: str | None) -> "Row | None":
+    """A campaign as the store tells it; none of a file."""
     if campaign_id is None:
-        return {}
+        return None
     with _store(db) as store:
-        campaign = store.campaign(campaign_id)
-    return measured_so_far(campaign) | left_out_by_import(campaign["config"])
+        return store.campaign(campaign_id)
 
 
 def _store(db: str | None) -> "Store":

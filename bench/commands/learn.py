@@ -14,6 +14,7 @@ from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.model_file import model_from
 from bench.store import Store, database_url
+from bench.store.row import finite
 from bench.training import (
     HALF_WIDTH,
     HELD_OUT,
@@ -105,11 +106,6 @@ def _keep(
         with Store(database_url(db)) as store:
             store.add_model(record.id, {"kind": record.kind, **finite(metrics)}, campaign_id=campaign_id)
     return record
-
-
-def finite(metrics: dict[str, float]) -> dict[str, float | None]:
-    """Numbers as a database of JSON holds them: one that is not known is null."""
-    return {name: value if value == value else None for name, value in metrics.items()}
 
 
 def training_data(data: str, db: str | None) -> TrainingData:

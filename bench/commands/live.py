@@ -13,7 +13,7 @@ from rich.table import Table
 
 from bench.commands.streams import err
 from bench.progress import Progress
-from bench.wording import minus
+from bench.wording import duration, minus
 
 PERCENT = 100.0
 LAST = 8  # points in the table
@@ -107,18 +107,3 @@ def one_line(progress: Progress) -> str:
 def _where(progress: Progress) -> str:
     row = progress.row
     return f"{row.kind} D1 = {row.D1:.3f} D2 = {row.D2:.3f} {row.power_W:.0f} W" if row else ""
-
-
-def duration(seconds: float) -> str:
-    """A time for people.
-
-    >>> duration(7325)
-    '2 h 02 min'
-    >>> duration(95)
-    '1 min 35 s'
-    """
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    if hours:
-        return f"{hours} h {minutes:02d} min"
-    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -11,6 +11,7 @@ from bench.commands.lut import tell_unsound
 from bench.commands.models import now
 from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel
 from bench.commands.streams import err, out, stamp
+from bench.diagnosing import NotDiagnosed, answer_of, refused_in_words
 from bench.errors import InputError
 from bench.model_file import model_from
 from bench.processes import behind_the_campaign
@@ -96,10 +97,18 @@ def _settle(store: Store, data: TrainingData, retraining: Retraining, simulator:
 
 
 def _diagnose(store: Store, data: TrainingData, simulator: Model) -> None:
+    """Renew the diagnosis of the newest campaign, or say why there is none."""
     from bench.verdict_wording import verdict_text
     from models.diagnosis.diagnose import diagnose as find_cause  # here: it loads slowly
 
     newest = data.campaigns[-1]
-    verdict = find_cause(load_measurements(store.measurement_table(newest)), simulator).as_plain(None)
-    store.add_diagnosis(verdict, campaign_id=newest)
-    out.print(escape(f"diagnosis of campaign {newest}: {verdict_text(verdict)}"))
+    try:
+        with refused_in_words():
+            measured = load_measurements(store.measurement_table(newest))
+            found = find_cause(measured, simulator)
+    except NotDiagnosed as why:
+        out.print(escape(f"no diagnosis of campaign {newest}: {why}"))
+        return
+    answer = answer_of(found, measured, store.campaign(newest), None)
+    store.add_diagnosis(answer, campaign_id=newest)
+    out.print(escape(f"diagnosis of campaign {newest}: {verdict_text(answer)}"))

@@ -4,42 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jinja2 import ChainableUndefined, Environment, FileSystemLoader
-
-from bench.verdict_wording import verdict_class
-from bench.wording import (
-    action_text,
-    added_power,
-    channel_name,
-    effect_name,
-    fixed,
-    parameter_text,
-    per_cent,
-    points_text,
-    probability_text,
-)
+from bench.html import environment
 
 TEMPLATES = Path(__file__).with_name("templates")
-
-_environment = Environment(
-    loader=FileSystemLoader(TEMPLATES),
-    autoescape=True,
-    undefined=ChainableUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
-_environment.filters |= {
-    "action": action_text,
-    "channel": channel_name,
-    "points": points_text,
-    "per_cent": per_cent,
-    "added_power": added_power,
-    "probability": probability_text,
-    "words": effect_name,
-    "fixed": fixed,
-    "parameter": parameter_text,
-    "verdict_class": verdict_class,
-}
+_environment = environment(TEMPLATES)
 
 
 def piece(name: str) -> Callable[..., str]:

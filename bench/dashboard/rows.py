@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.store import Row
-
-LOADED = frozenset({"load", "reference"})
+from models.screening import LOADED_KINDS
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -37,7 +36,7 @@ class Rows:
             for name in names
         }
         counted = np.array(
-            [row["kind"] in LOADED and row.get("state") != "rejected" for row in rows], dtype=bool
+            [row["kind"] in LOADED_KINDS and row.get("state") != "rejected" for row in rows], dtype=bool
         )
         return cls(**numbers, counted=counted)
 

@@ -30,11 +30,6 @@ class Failures:
         self._pragma = ""
         event.listen(database.engine, "begin", self._on_begin)
 
-    @property
-    def transactions(self) -> int:
-        """Durable transactions and reads begun so far."""
-        return self._begun
-
     def after(self, transactions: int, kind: str, seconds: float = 1.0) -> None:
         """Let ``disk_full``, ``read_only``, ``locked`` (so many seconds) or ``gone`` come after so many."""
         acts = {

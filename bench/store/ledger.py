@@ -34,7 +34,7 @@ from bench.versions import versions
 
 GOOD = "good"
 FAR = 9e37  # what analyzers put in the place of a number they do not have is above
-# some hundred times a point
+# made once: a campaign asks it some hundred times a point
 _ASKED = select(campaigns.c.request).where(campaigns.c.id == bindparam("campaign_id"))
 
 

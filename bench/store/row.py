@@ -9,10 +9,10 @@ from sqlalchemy import CursorResult
 
 
 def finite(values: Mapping[str, float]) -> dict[str, float | None]:
-    """JSON has no NaN: a missing number is null.
+    """JSON has no NaN and no infinity: a missing number is null.
 
-    >>> finite({"D0": float("nan"), "V1_V": 300.0})
-    {'D0': None, 'V1_V': 300.0}
+    >>> finite({"D0": float("nan"), "P1_W": float("inf"), "V1_V": 300.0})
+    {'D0': None, 'P1_W': None, 'V1_V': 300.0}
     """
     return {name: float(value) if math.isfinite(value) else None for name, value in values.items()}
 

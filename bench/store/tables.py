@@ -20,7 +20,7 @@ SCHEMA = 2  # of the tables below; a database of another one is refused
 
 metadata = MetaData()
 
-# Numbers of the measurement table, in the order of an export; energies in SI, temperatures in degC.
+# Numbers of the measurement table, in the order of an export; in SI units, temperatures in degC.
 NUMBERS = (
     "time_s", "D1", "D2", "P_set_W", "D0", "V1_V", "I1_A", "P1_W", "V2_V", "I2_A", "P2_W", "efficiency",
     "I_L_rms_A", "P_link1_W", "P_link2_W", "T_ambient_C", "T_heatsink_C", "T_transformer_C", "T_inductor_C",

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.harness.page import Page, environment, json_text, write_whole
+from bench.whole_file import write_whole
+from experiments.harness.page import Page, environment, json_text
 from experiments.harness.result import Cell
 
 
@@ -56,7 +57,7 @@ class Overview:
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Write both files."""
-        html = environment().get_template("all.html").render(overview=self)
-        return write_whole(folder / "all.json", json_text(self.as_plain())), write_whole(
-            folder / "all.html", html
-        )
+        json_file, html_file = folder / "all.json", folder / "all.html"
+        write_whole(json_file, json_text(self.as_plain()))
+        write_whole(html_file, environment().get_template("all.html").render(overview=self))
+        return json_file, html_file

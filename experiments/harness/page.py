@@ -3,7 +3,6 @@ for each of its pictures."""
 
 import base64
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -11,6 +10,7 @@ from typing import Any, Self
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from bench.commands.streams import VIRTUAL
+from bench.whole_file import write_whole
 from experiments.harness.registry import Entry
 from experiments.harness.result import Picture, Result, shown
 
@@ -26,14 +26,6 @@ def environment() -> Environment:
     made.filters["embedded"] = _embedded
     made.globals["virtual"] = VIRTUAL
     return made
-
-
-def write_whole(path: Path, content: str | bytes) -> Path:
-    """Write a file in one step: it is there whole, or not at all."""
-    beside = path.with_name(path.name + ".part")
-    beside.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
-    os.replace(beside, path)
-    return path
 
 
 def json_text(plain: dict[str, Any]) -> str:
@@ -72,11 +64,12 @@ class Page:
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Write all files, each in one step; the paths of JSON and page."""
-        folder.mkdir(parents=True, exist_ok=True)
         for picture in self.result.pictures:
             write_whole(folder / _image(self.entry, picture.name), picture.png)
-        html = write_whole(folder / f"{self.entry.name}.html", self.html())
-        return write_whole(folder / f"{self.entry.name}.json", json_text(self.as_plain())), html
+        json_file, html_file = (folder / f"{self.entry.name}.{end}" for end in ("json", "html"))
+        write_whole(html_file, self.html())
+        write_whole(json_file, json_text(self.as_plain()))
+        return json_file, html_file
 
     @classmethod
     def read(cls, folder: Path, entry: Entry) -> Self | None:

@@ -235,6 +235,17 @@ def test_too_few_rows_for_a_diagnosis_are_added_to_where_nothing_was_measured(ad
     assert places <= set(map(tuple, adaptive.candidates.tolist()))
 
 
+def test_a_diagnosis_that_breaks_is_not_taken_for_too_few_rows(
+    adaptive: Adaptive, powers: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise ValueError("operands could not be broadcast together")
+
+    monkeypatch.setattr("models.diagnosis.diagnose.diagnose", broken)
+    with pytest.raises(ValueError, match="broadcast"):
+        adaptive(powers, as_planned(powers))
+
+
 def test_a_set_point_that_was_rejected_is_not_chosen_again(adaptive: Adaptive, powers: pd.DataFrame) -> None:
     only = replace(adaptive, candidates=adaptive.candidates[:1])
     D1, D2, power_W = only.candidates[0].tolist()

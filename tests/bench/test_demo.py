@@ -10,12 +10,16 @@ from typer.testing import CliRunner
 from bench.campaign import Job, measurement_table, run_campaign
 from bench.cli import build
 from bench.config import BenchConfig, CampaignConfig, check
-from bench.demo import was_found
+from bench.demo import fresh_database, was_found
+from bench.demo_beside import unseen_points
 from bench.model_file import read_model
 from bench.store import Store
 from drivers.clock import StepClock
 from drivers.mocks.plant import Plant
 from drivers.mocks.rack import Rack
+from sim.model import Model
+from sim.simulate import simulate
+from tests.bench.command_line import d2ea
 
 RESISTANCE_OHM = 0.12
 
@@ -82,7 +86,7 @@ def test_the_optimum_was_measured_and_is_as_predicted(summary: dict) -> None:
 
 
 def test_the_verdict_was_stored_without_what_was_hidden(demo: Path) -> None:
-    with Store(f"sqlite:///{demo / 'd2ea.sqlite'}") as store:
+    with Store(f"sqlite:///{demo / 'demo.sqlite'}") as store:
         verdicts = store.diagnoses(1)
     assert verdicts[0]["verdict"]["verdict"] == "named"
     assert "hidden" not in json.dumps(verdicts[0]["verdict"])
@@ -90,7 +94,7 @@ def test_the_verdict_was_stored_without_what_was_hidden(demo: Path) -> None:
 
 def test_the_bench_was_seen_off(demo: Path, summary: dict) -> None:
     assert summary["power_off"] == "PWM off; load off; supply off; discharge to 60 V or less"
-    with Store(f"sqlite:///{demo / 'd2ea.sqlite'}") as store:
+    with Store(f"sqlite:///{demo / 'demo.sqlite'}") as store:
         assert [row["state"] for row in store.campaigns()] == ["done", "done"]
         assert all(row["virtual"] for row in store.campaigns())
 
@@ -105,6 +109,30 @@ def test_the_report_needs_nothing_else_and_says_virtual_lab(demo: Path) -> None:
     assert "<script src" not in page
     assert '<link rel="stylesheet"' not in page
     assert (demo / "overview.png").stat().st_size > 50_000
+
+
+def test_an_operators_database_is_refused_and_left_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    database = tmp_path / "d2ea.sqlite"
+    database.write_bytes(b"measurements")
+    assert d2ea("demo", "--out", str(tmp_path), "--points", "20") == 2
+    assert "holds measurements in d2ea.sqlite" in " ".join(capsys.readouterr().err.split())
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"measurements"]
+
+
+def test_a_demo_replaces_the_database_of_an_earlier_one_and_nothing_else(tmp_path: Path) -> None:
+    for name in ("demo.sqlite", "demo.sqlite-wal", "demo.sqlite-shm", "demo.sqlite.kept"):
+        (tmp_path / name).touch()
+    assert fresh_database(tmp_path) == tmp_path / "demo.sqlite"
+    assert [path.name for path in tmp_path.iterdir()] == ["demo.sqlite.kept"]
+
+
+def test_models_are_judged_on_as_many_points_as_was_meant(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.demo_beside._FEASIBLE_SHARE", 1.0)  # more than are
+    points = unseen_points(1)
+    assert len(points) == 300
+    assert simulate(Model.baseline(), points).feasible.all()
 
 
 def test_found_needs_the_hidden_effect_to_be_named_or_in_the_group() -> None:

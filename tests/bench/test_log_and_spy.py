@@ -11,6 +11,7 @@ from bench.log import JsonLines, about, start_log, wire
 from bench.spy import file_spy, log_of, readable
 from drivers.mocks.wire import PtyServer
 from drivers.transport import ByteLink, deadline_in
+from tests.bench.command_line import d2ea
 
 
 @pytest.fixture
@@ -48,6 +49,18 @@ def test_a_wrong_setting_is_said(own_log: None, setting: str, said: str) -> None
 def test_an_error_is_one_line_too() -> None:
     record = logging.LogRecord("d2ea", logging.ERROR, "", 0, "broke", (), (ValueError, ValueError("x"), None))
     assert "ValueError: x" in json.loads(JsonLines().format(record))["error"]
+
+
+def test_where_a_command_failed_is_in_the_log(
+    own_log: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_path: object) -> None:
+        raise ValueError("operands could not be broadcast together")
+
+    monkeypatch.setattr("bench.commands.bench.read_bench", fail)
+    monkeypatch.setenv("D2EA_LOG", f"debug:{tmp_path}/log.jsonl")
+    assert d2ea("check", "any.toml") == 1
+    assert "in fail" in json.loads((tmp_path / "log.jsonl").read_text())["error"]
 
 
 def test_the_spy_writes_what_goes_over_the_wire(tmp_path: Path) -> None:

@@ -1,13 +1,17 @@
 """The whole way: campaign, drivers, real ports, mock instruments, virtual lab."""
 
+from contextlib import closing
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from bench.campaign import CampaignOutcome, Job, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
-from bench.connect import acknowledge_alarms, inspect_bench
+from bench.connect import acknowledge_alarms, inspect_bench, open_controller
 from bench.errors import BenchTaken, CampaignStopped
 from bench.lock import ports_of_bench
+from bench.lut_on_bench import following, load_into_controller, table_rows, verification
 from bench.progress import Progress
 from bench.store import Store
 from drivers.clock import StepClock
@@ -18,15 +22,17 @@ from tests.bench.fake_bench import memory
 
 PLAN = {"kind": "latin_hypercube", "points": 6, "reference_every": 3, "standby": 1, "no_load": 1}
 CAMPAIGN = check({"name": "six points", "plan": PLAN}, CampaignConfig, file="campaign.toml")
+TABLE = pd.DataFrame({"P_W": [400.0, 800.0], "D1": [0.8, 0.9], "D2": [0.1, 0.1]})
 
 
 def virtual_plant() -> Plant:
     return Plant.virtual(seed=3, hidden={}, clock=StepClock())
 
 
-def config(rack: Rack) -> BenchConfig:
+def config(rack: Rack, **converter: object) -> BenchConfig:
     settings = rack.bench_config()
     settings["limits"] |= {"again_s": 0.0, "recover_s": 0.0}  # type: ignore[operator]
+    settings["converter"] |= converter  # type: ignore[operator]
     return check(settings, BenchConfig, file="bench.toml")
 
 
@@ -207,3 +213,35 @@ def test_an_adaptive_campaign_chooses_measures_and_ends() -> None:
     assert all(event["detail"] for event in chosen)
     assert said[0].startswith("verdict so far: ")
     assert is_off(plant)
+
+
+# --- a table in the controller ----------------------------------------------------------------------
+
+
+def test_a_table_is_loaded_in_the_modulation_of_the_bench() -> None:
+    with Rack(virtual_plant()) as rack:
+        bench = config(rack, modulation="tps")
+        rows = load_into_controller(bench, TABLE).rows
+        with closing(open_controller(bench)) as controller:
+            assert controller.read_table() == ("tps", rows)
+
+
+def test_no_table_is_loaded_while_somebody_has_the_bench() -> None:
+    with Rack(virtual_plant()) as rack:
+        bench = config(rack)
+        with ports_of_bench(bench), pytest.raises(BenchTaken, match="is in use by"):
+            load_into_controller(bench, TABLE)
+
+
+def test_what_a_controller_follows_is_applied_in_the_modulation_of_the_bench() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        bench = config(rack, modulation="tps")
+        row = verification(TABLE, bench, name="verify").plan.points[0]
+        with following(table_rows(TABLE)).connect(bench, plant.clock) as connected:
+            connected.configure()
+            connected.power_up()
+            applied = connected.set_point(row)
+            assert connected.power_off().safe
+    assert applied is not None
+    assert applied.mode == "tps"

@@ -8,22 +8,28 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bench.commands.retrain import _settle
 from bench.errors import BenchError
+from bench.imported import import_config
 from bench.lut_file import model_of, read_lut
 from bench.model_file import simulator_for
 from bench.retrain import Retrainer, Retraining, newest_data, note_in_store, watch
 from bench.store import Provenance, Store
 from bench.trace import trace_entry
-from bench.training_data import TrainingData
+from bench.training import Trainer
+from bench.training_data import Places, TrainingData
 from models.calibrated import CalibratedPhysics
 from models.dataset import Measurements
 from models.held_blocks import held_out
-from models.journal import Choice
+from models.journal import Choice, Decision
 from models.registry import ModelRecord, Registry
+from models.screening import RejectedRow
+from models.surrogate import StagedModel
 from sim.model import Model
 from sim.operating_points import Points
 from sim.prototype import prototype
 from sim.simulate import simulate
+from tests.bench.fake_bench import memory
 
 WHEN = "2024-05-01T12:00:00+00:00"
 LOADS_W = (400.0, 600.0, 800.0)
@@ -61,6 +67,10 @@ def retrainer(folder: Path, *kinds: str) -> Retrainer:
     return made
 
 
+def promoted(result: Retraining) -> bool:
+    return result.decision is not None and result.decision.decision is Choice.PROMOTED
+
+
 @pytest.fixture(scope="module")
 def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Retrainer, Retraining]:
     """A retrainer whose first candidate has been promoted."""
@@ -72,7 +82,7 @@ def test_the_first_model_is_promoted_when_it_beats_the_simulation(
     first: tuple[Retrainer, Retraining],
 ) -> None:
     made, result = first
-    assert result.promoted
+    assert promoted(result)
     assert result.decision is not None
     assert made.journal.in_use() == result.decision.model
     assert result.decision.errors[result.decision.model] <= result.decision.errors["simulation"]
@@ -140,7 +150,7 @@ def test_a_model_in_use_that_cannot_be_read_is_no_rival(tmp_path: Path) -> None:
     made = replace(retrainer(tmp_path, "d2ea"), say=heard.append)
     # the same rows: what was decided is worth nothing any more
     again = made.retrain(file_data(measured(150)))
-    assert again.promoted
+    assert promoted(again)
     assert again.decision is not None
     assert (again.decision.replaced, set(again.decision.errors)) == (
         old,
@@ -160,7 +170,7 @@ def test_beside_what_cannot_be_read_a_candidate_still_has_to_beat_the_simulation
     odd = measured(150)
     odd.loc[~held_out(odd), "efficiency"] -= 0.05  # what is learnt is wrong by five points where it is judged
     made = retrainer(tmp_path, "d2ea")
-    assert not made.retrain(file_data(odd, "odd.csv")).promoted
+    assert not promoted(made.retrain(file_data(odd, "odd.csv")))
     assert made.journal.in_use() == before.decision.model
 
 
@@ -198,6 +208,57 @@ def test_too_few_rows_wait(tmp_path: Path) -> None:
     assert "waiting" in result.said
 
 
+# --- who predicts nothing ---------------------------------------------------------------------------
+
+
+class Blind:
+    """A model that predicts nothing anywhere."""
+
+    def predict(self, D1, D2, power_W):
+        return np.full(np.shape(power_W), np.nan)
+
+
+def blinded(monkeypatch: pytest.MonkeyPatch, *kinds: str) -> None:
+    """Let candidates of these kinds predict nothing."""
+    fit = Trainer.fit
+
+    def fitted(self: Trainer, kind: str, data: TrainingData, chosen: Places) -> StagedModel:
+        return StagedModel(kind=kind, stages=(Blind(),)) if kind in kinds else fit(self, kind, data, chosen)
+
+    monkeypatch.setattr(Trainer, "fit", fitted)
+
+
+def test_a_candidate_that_predicts_none_of_the_unseen_rows_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blinded(monkeypatch, "simulator_first_stage")
+    rows = measured(150)
+    result = retrainer(tmp_path).retrain(file_data(rows))
+    assert result.decision is not None
+    assert result.decision.reason.startswith("d2ea, ")
+    unseen = int(held_out(rows).sum())
+    told = f"simulator_first_stage predicts none of the {unseen} unseen rows to judge on"
+    assert result.decision.reason.endswith(told)
+
+
+def test_where_no_candidate_predicts_more_rows_are_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blinded(monkeypatch, *TREES)
+    result = retrainer(tmp_path).retrain(file_data(measured(150)))
+    assert result.decision is None
+    assert result.said.startswith("waiting: d2ea predicts none of the ")
+
+
+def test_where_the_simulation_predicts_nothing_more_rows_are_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bench.retrain.SimulatorStage", lambda efficiency: Blind())
+    result = retrainer(tmp_path, "d2ea").retrain(file_data(measured(150)))
+    assert result.decision is None
+    assert result.said.endswith("unseen rows is predicted by the simulation")
+
+
 # --- calibrated physics ---------------------------------------------------------------------------------
 
 
@@ -206,7 +267,7 @@ def test_calibrated_physics_is_retrained_beside_the_trees_and_wins(tmp_path: Pat
     made = replace(retrainer(tmp_path, "d2ea", "calibrated"), say=said.append)
     made.__dict__.update({name: shared(name) for name in ("search", "simulated")})
     result = made.retrain(file_data(measured(60)))
-    assert result.promoted
+    assert promoted(result)
     assert result.decision is not None
     assert result.decision.reason.startswith("calibrated, ")
     assert "; d2ea " in result.decision.reason  # what the other one came to
@@ -288,6 +349,41 @@ def test_watching_retrains_once_per_batch_of_rows(store: Store, tmp_path: Path) 
         if len(told) == 2:
             break
     assert told == [len(measured(20)), len(measured(60, seed=2))]
+
+
+DECIDED = Retraining(
+    said="model 0 kept out", decision=Decision(when=WHEN, decision=Choice.KEPT_OUT, model="0", reason="worse")
+)
+
+
+def test_too_few_rows_for_a_diagnosis_are_said_and_end_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with memory() as store:
+        campaign = imported(store, measured(8))
+        data = newest_data(store)
+        assert data is not None
+        _settle(store, data, DECIDED, Model.baseline())
+        assert store.diagnoses(campaign) == []
+    said = " ".join(capsys.readouterr().out.split())
+    assert (
+        f"no diagnosis of campaign 1: {len(measured(8))} usable rows that carry power; a diagnosis needs"
+        in said
+    )
+
+
+def test_a_renewed_diagnosis_says_of_what_it_is() -> None:
+    lost = RejectedRow(row=7, column="P1_W", value="", reason="no number")
+    config = import_config(
+        Path("theirs.csv"), Measurements(frame=measured(1), rows=(1,), rejected=(lost,), notes=())
+    )
+    with memory() as store:
+        store.import_table("theirs", measured(40), Provenance(config=config, config_hash="0", virtual=True))
+        data = newest_data(store)
+        assert data is not None
+        _settle(store, data, DECIDED, Model.baseline())
+        answer = store.diagnoses(1)[0]["verdict"]
+    assert answer["campaign"]["accepted"] == len(measured(40))
+    assert answer["left_out_by_import"]["rows"][0]["row"] == 7
+    assert answer["notes"] == []
 
 
 def test_a_virtual_lab_and_hardware_are_never_mixed(store: Store) -> None:

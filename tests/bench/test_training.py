@@ -3,14 +3,18 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bench.commands.learn import judged_text
 from bench.model_file import read_model
 from bench.optimum import loads_of
-from bench.training import efficiency_of, feasible_of, simulated_table
+from bench.training import NotTrained, Trainer, efficiency_of, feasible_of, simulated_table
+from bench.training_data import TrainingData
 from models.accuracy import accuracy_of
+from models.dataset import Measurements
 from models.lut import Surroundings
+from models.surrogate import SimulatorStage, StagedModel
 from sim.model import Model
 from sim.operating_points import Points
 from sim.simulate import simulate
@@ -52,3 +56,29 @@ def test_points_without_a_prediction_are_told() -> None:
     truth = np.array([0.95, 0.96, 0.97])
     assert judged_text(accuracy_of(truth, truth)) == "3"
     assert judged_text(accuracy_of(np.array([0.95, np.nan, 0.97]), truth)) == "2 of 3"
+
+
+def beyond(count: int) -> TrainingData:
+    """Rows of more power than the simulation carries at their D1 and D2."""
+    rows = pd.DataFrame({"D1": np.linspace(0.3, 0.4, count), "D2": 0.55, "P2_W": 1800.0, "kind": "load"})
+    rows = rows.assign(efficiency=0.97, P1_W=rows["P2_W"] / 0.97)
+    read = Measurements(frame=rows, rows=tuple(range(1, count + 1)), rejected=(), notes=())
+    return TrainingData.of_file(Path("theirs.csv"), read)
+
+
+def test_a_model_that_predicts_none_of_the_rows_that_judge_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulator = StagedModel(kind="calibrated", stages=(SimulatorStage(efficiency_of(Model.baseline())),))
+    monkeypatch.setattr(Trainer, "fit", lambda *_: simulator)
+    trainer = Trainer(simulator=Model.baseline(), simulated=pd.DataFrame())
+    with pytest.raises(
+        NotTrained, match="no calibrated model: it predicts none of the 12 rows that judge it"
+    ):
+        trainer.judged("calibrated", beyond(30), seed=1)
+
+
+def test_a_gap_to_a_simulation_that_predicts_no_row_cannot_be_learnt() -> None:
+    trainer = Trainer(simulator=Model.baseline(), simulated=pd.DataFrame())
+    with pytest.raises(NotTrained, match="the simulation predicts none of the 30 rows to fit"):
+        trainer.fit("simulator_first_stage", beyond(30), np.arange(30))

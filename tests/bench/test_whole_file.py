@@ -18,6 +18,13 @@ def test_a_reader_sees_the_old_file_until_the_new_one_is_whole(tmp_path: Path) -
     assert list(path.parent.iterdir()) == [path]
 
 
+def test_bytes_are_written_as_they_are_and_text_as_utf_8(tmp_path: Path) -> None:
+    path = tmp_path / "x"
+    for content, written in ((b"\x89PNG\r\n", b"\x89PNG\r\n"), ("71 mΩ\n", b"71 m\xce\xa9\n")):
+        write_whole(path, content)
+        assert path.read_bytes() == written
+
+
 def half_written(path: Path) -> None:
     with replacing(path) as file:
         file.write_text("half")

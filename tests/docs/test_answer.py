@@ -101,7 +101,7 @@ def full() -> Diagnosis:
 
 @pytest.fixture(scope="module")
 def summary(full: Diagnosis) -> Plain:
-    """The summary of a demo that was not run: two loads, one of them not measured."""
+    """The summary of a demo that was not run: two loads, one of them not measured, and carried nowhere by a search."""
     loads_W = np.array([400.0, 800.0])
     optimum = OptimumTable(
         power_W=loads_W, D1=np.ones(2), D2=np.zeros(2), predicted=np.full(2, 0.98), regret=np.zeros(2),
@@ -114,7 +114,7 @@ def summary(full: Diagnosis) -> Plain:
         measurements=nothing,
         losses=nothing,
         optimum=optimum,
-        searches=(optimum,),
+        searches=(optimum, replace(optimum, D1=np.array([1.0, np.nan]), regret=np.full(2, np.nan))),
         optimum_measured={400.0: 0.979},
         diagnosis=full.as_plain(),
         error=dict.fromkeys(MODEL_NAMES, 1e-3) | {"calibrated": None},
@@ -205,6 +205,10 @@ def test_every_key_of_the_summary_is_on_the_page_and_no_other(summary: Plain) ->
     said = documented("summary.json")
     assert set(there) == set(said)
     assert not {p: v for p, values in there.items() for v in values if not is_of(v, said[p])}
+
+
+def test_a_summary_is_json_where_a_search_carries_a_load_nowhere(summary: Plain) -> None:
+    assert json.loads(json.dumps(summary["swarm"], allow_nan=False))[1]["D1"] == [1.0, None]
 
 
 def test_the_steps_of_the_demo_are_those_on_the_page() -> None:

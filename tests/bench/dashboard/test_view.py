@@ -175,3 +175,9 @@ def test_a_diagnosis_says_quantities_in_words_and_names_the_column_to_add() -> N
     assert "channels D0, link power (element 3)." in shown
     assert "<td>no load</td>" in shown
     assert "<td>measure T_inductor_C too</td>" in shown
+
+
+def test_a_number_stays_beside_its_unit() -> None:
+    resistance = {"name": "resistance_Ohm", "value": 0.071, "ci95": [0.066, 0.077]}
+    cause = {"effect": "link_resistance", "probability": 0.99, "parameters": [resistance]}
+    assert "71\xa0mΩ (95\xa0%: 66 to 77)" in piece("diagnosis")({"causes": [cause]}, "")
