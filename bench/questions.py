@@ -40,6 +40,7 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
         _question_of_the_model(diagnosis),
         _only_with_spreads(diagnosis),
         _question_of_parts(diagnosis),
+        _question_of_laws(diagnosis),
         _question_of_rows(diagnosis),
         _where_to_look(diagnosis),
     )
@@ -122,6 +123,17 @@ def _question_of_parts(diagnosis: Mapping[str, Any]) -> str:
         f"More may be wrong than is said: what is found needs {said} its everyday spread off."
         if parts
         else ""
+    )
+
+
+def _question_of_laws(diagnosis: Mapping[str, Any]) -> str:
+    """What to measure where only laws that are off would explain efficiency alone; else empty."""
+    if not (diagnosis.get("unknown") or {}).get("strained"):
+        return ""
+    return (
+        "Measure more than efficiency: D0, temperatures, or the powers at both ends of the ac link tell a cause from a "
+        "loss law that is off, and from what the catalogue does not have. Without V1_V and V2_V in the table both "
+        "voltages are taken as the model has them."
     )
 
 

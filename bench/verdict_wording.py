@@ -66,6 +66,11 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input, about 2 W * P/kW (90 % of it)
     """
     unknown = diagnosis.get("unknown") or {}
+    if unknown.get("strained"):
+        return (
+            "efficiency is explained only with loss laws of the simulation off by all that is feared of them: either "
+            "they are, or something outside the catalogue shows"
+        )
     if unknown.get("probability", 0.0) < 0.01:
         return ""
     said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
@@ -97,6 +102,9 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> nothing_left = left_over | {"unknown": {"probability": 0.0}}
     >>> verdict_text(nothing_left | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
     'Something is wrong: dead time (60.0 %) is suspected, but may be no further off than parts are'
+    >>> strained = {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
+    >>> verdict_text(strained | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
+    'Something is wrong that efficiency alone does not tell; dead time would need loss laws that are off as well'
     """
     verdict = str(diagnosis.get("verdict", "unknown"))
     named, groups = diagnosis.get("named") or (), diagnosis.get("groups") or ()
@@ -127,6 +135,13 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
             return f"Something is wrong: {likeliest} is suspected, but may be no further off than parts are"
         return f"Something is wrong: {likeliest}, or what no known cause explains"
     sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
+    if verdict == "unknown" and (diagnosis.get("unknown") or {}).get("strained"):
+        told = (
+            f"{join([effect_name(name) for name in sure])} would need loss laws that are off as well"
+            if sure
+            else ""
+        )
+        return "; ".join(filter(None, ["Something is wrong that efficiency alone does not tell", told]))
     if verdict == "unknown" and sure:
         explain = "explains" if len(sure) == 1 else "explain"
         return f"More is wrong than {join([effect_name(name) for name in sure])} {explain}, and no known cause is it"

@@ -36,6 +36,7 @@ from models.diagnosis.race import NextMeasurement, Rival
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.setting import Setting
 from models.diagnosis.sight import Sight, sight
+from models.diagnosis.strain import is_strained
 from models.diagnosis.unexplained import Unexplained, unexplained
 from models.diagnosis.usable import check_table, usable_readings
 from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge, telling_of
@@ -141,7 +142,7 @@ class Diagnosis:
             "groups": [list(g) for g in v.groups],
             "unknown": {"probability": v.unknown_probability, "formula": None}
             | self._unexplained()
-            | {"rows": [asdict(row) for row in self.alike]},
+            | {"rows": [asdict(row) for row in self.alike], "strained": v.strained},
             "parts": [{"part": name, "sigma": sigma} for name, sigma in self.parts.items()],
             "next": [n.as_plain() for n in self.next] if ahead else [],
             "gain": self._gain() if ahead else None,
@@ -283,18 +284,22 @@ def _diagnosed(
     hypotheses = posterior(refinery, found.fits)
     nameless = unexplained(hypotheses, refinery)
     alike = confirmed(setting, hypotheses[0])
-    verdict = judge(
+    judged = partial(
+        judge,
         hypotheses,
         refinery.geometry.whitener,
         misfit=_misfit(setting, hypotheses),
         agreement=alike[0].sigma if alike else 0.0,
         leftover=0.0 if nameless is None else nameless.size,
     )
+    verdict = judged()
+    worth = _worth(setting, hypotheses, verdict, seed)
+    if worth is not None and is_strained(refinery, found.fits, worth):
+        verdict, worth = judged(strained=True), None
     if nameless is not None:
         verdict = telling_of(verdict, nameless)
     chosen = _leading(hypotheses, verdict)
     rivals = rivals_of(hypotheses, refinery, {name for group in verdict.groups for name in group})
-    worth = _worth(setting, hypotheses, verdict, seed)
     if worth is not None and processes > 1:
         progress("holding out blocks")
     held_out, ahead = _at_the_end(worth, rivals, refinery)

@@ -120,6 +120,10 @@ class Laws:
         """The laws of some signatures from their columns (r, M)."""
         return cls(columns={s.key: own for s, own in columns}, geometry=geometry)
 
+    def in_geometry(self, geometry: Geometry) -> Self:
+        """The same laws, as feared, seen from another geometry."""
+        return type(self)(columns=self.columns, geometry=geometry)
+
     def directions(self, signature: Signature, distance: float) -> Directions | None:
         """The columns for a value at this distance from off; None for an exact law."""
         key = signature.key

@@ -66,7 +66,8 @@ class Verdict:
     ``left_open`` where its causes are not tied by the design: more rows like these would tell which it is.
     ``consistent_probability`` is that of nothing beyond an ordinary bench, ``nothing_probability`` that of no cause at
     all, ``unknown_probability`` that of a leftover which is more than the model's own shortcomings, or, of a verdict
-    ``unknown``, of anything that is no cause.
+    ``unknown``, of anything that is no cause. ``strained`` says that the causes would need laws off by all that is
+    feared, and that nothing is stated for that.
     """
 
     kind: str
@@ -77,6 +78,7 @@ class Verdict:
     nothing_probability: float
     unknown_probability: float
     left_open: bool = False
+    strained: bool = False
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -203,6 +205,8 @@ def judge(
     misfit: float = 1.0,
     leftover: float = 0.0,
     agreement: float = 0.0,
+    *,
+    strained: bool = False,
 ) -> Verdict:
     """The verdict of a posterior.
 
@@ -213,9 +217,11 @@ def judge(
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed. Where readings that were taken for outliers
-    confirm each other, by ``agreement`` sigmas, none is stated.
+    confirm each other, by ``agreement`` sigmas, none is stated; nor where the explanations are ``strained``
+    (:mod:`models.diagnosis.strain`).
     """
     fits, alike = misfit <= _UNEXPLAINED, agreement > BY_CHANCE
+    nameable = not alike and not strained
     bare = [h for h in hypotheses if not h.fit.terms]
     faint = _is_faint(hypotheses, leftover)
     ordinary = sum(h.probability for h in hypotheses if _is_ordinary(h, faint, whitener))
@@ -224,7 +230,7 @@ def judge(
     causes = marginal(hypotheses) if fits else []
     least = max(leftover if beside >= _LIKELY else 0.0, _caught(hypotheses))
     standing = {c.effect: _standing(c, hypotheses, least) for c in causes}
-    large = [c for c in causes if not alike and standing[c.effect] >= least * _above(c.term)]
+    large = [c for c in causes if nameable and standing[c.effect] >= least * _above(c.term)]
     excluded = ordinary < 1 - SURE
     groups = _groups(large, hypotheses, whitener, excluded=excluded)
     below = [c for c in causes if c.probability >= SURE and standing[c.effect] < least]
@@ -254,8 +260,9 @@ def judge(
         stated=named or tuple(group[0] for group in groups),
         consistent_probability=ordinary,
         nothing_probability=sum(h.probability for h in bare if h.leftover is None),
-        unknown_probability=beyond if fits and not alike else 1.0,
+        unknown_probability=beyond if fits and not alike and not (strained and kind == "unknown") else 1.0,
         left_open=tied_by_data and bool(groups),
+        strained=strained and kind == "unknown",
     )
 
 

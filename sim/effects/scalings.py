@@ -279,7 +279,7 @@ SCALINGS: tuple[Effect, ...] = (
     ParameterEffect(
         name="core_loss_transformer",
         stage="magnetics",
-        parameters=_relative(0.07, 0.6),
+        parameters=_relative(0.07, 0.6, (-0.6, 6.0)),
         paths=("transformer.core.k",),
         change=_scaled,
         law=0.1,

@@ -85,7 +85,7 @@ def test_the_answer_has_every_key(named: Diagnosis) -> None:
         "model", "noise", "rejected_rows",
     } <= set(answer)  # fmt: skip
     assert set(answer["gap"]) == {"mean_abs_efficiency", "mean_loss_W", "worst"}
-    assert {"probability", "formula", "rows"} == set(answer["unknown"])
+    assert {"probability", "formula", "rows", "strained"} == set(answer["unknown"])
     assert {"blocks", "before", "after", "ci95", "wrong_cause", "leftover_only"} <= set(answer["gain"])
     assert (answer["schema"], answer["model"]) == (1, "model.toml")
 

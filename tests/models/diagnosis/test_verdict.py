@@ -71,6 +71,19 @@ def test_a_leftover_beside_a_name_is_said() -> None:
     assert judge([named], WHITENER, leftover=9.0).unknown_probability == 0.0  # the model's own shortcomings
 
 
+def test_what_only_laws_that_are_off_explain_is_listed_and_not_stated() -> None:
+    sure = Hypothesis(fit=_fit("link_resistance", ALONG), leftover=None, probability=1.0)
+    verdict = judge([sure], WHITENER, strained=True)
+    assert (verdict.kind, verdict.stated, verdict.unknown_probability) == ("unknown", (), 1.0)
+    assert [c.effect for c in verdict.causes] == ["link_resistance"]
+
+
+def test_laws_that_are_off_are_no_fault() -> None:
+    nothing = Hypothesis(fit=_fit(None, 0 * ALONG), leftover=None, probability=1.0)
+    verdict = judge([nothing], WHITENER, strained=True)
+    assert (verdict.kind, verdict.strained) == ("consistent", False)
+
+
 def test_tied_causes_make_a_group() -> None:
     verdict = judged(("auxiliary_power", ALONG, 0.0, 0.6), ("analyzer_offset", ALONG, 0.0, 0.38),
                      (None, 0 * ALONG, 0.0, 0.02))  # fmt: skip

@@ -1,0 +1,59 @@
+"""Efficiency alone: what would be named only if laws of the simulation were off as feared is not named."""
+
+from types import SimpleNamespace
+
+import pandas as pd
+import pytest
+
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.strain import is_strained
+from models.screening import LOADED_KINDS
+from tests.models.diagnosis.virtual_campaign import lab_campaign
+
+EFFICIENCY = ["kind", "time_s", "D1", "D2", "P2_W", "efficiency"]
+
+
+def efficiency_alone(hidden: dict[str, float | None], *, seed: int) -> pd.DataFrame:
+    frame = lab_campaign(hidden, seed=seed, count=90).frame
+    return frame.loc[frame["kind"].isin(LOADED_KINDS), EFFICIENCY].reset_index(drop=True)
+
+
+def diagnosed(hidden: dict[str, float | None], *, seed: int) -> Diagnosis:
+    return diagnose(load_measurements(efficiency_alone(hidden, seed=seed)))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "seed"), [({"board_leakage": 4.1}, 130_010), ({"dc_link_esr": 0.27}, 130_075)]
+)
+def test_what_no_catalogue_has_is_not_named_though_a_cause_imitates_it(
+    hidden: dict[str, float | None], seed: int
+) -> None:
+    verdict = diagnosed(hidden, seed=seed).verdict
+    assert verdict.causes[0].probability > 0.95  # it would be named
+    assert (verdict.kind, verdict.stated, verdict.strained) == ("unknown", (), True)
+
+
+def test_a_cause_of_the_catalogue_needs_no_law_to_be_off() -> None:
+    verdict = diagnosed({"fan_step": 5.0}, seed=2).verdict
+    assert (verdict.kind, verdict.stated, verdict.strained) == ("named", ("fan_step",), False)
+
+
+@pytest.mark.parametrize(
+    ("alone", "doubt", "missed", "strained"),
+    [(True, 1.0, 0.08, True), (True, 1.0, 0.02, False), (True, 0.3, 0.08, False), (False, 1.0, 0.08, False)],
+)
+def test_readings_are_asked_where_they_were_not_sure_of_the_laws_and_blocks_are_missed(
+    alone: bool, doubt: float, missed: float, strained: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("models.diagnosis.strain._only_by_laws", lambda refinery, fits: True)
+    refinery = SimpleNamespace(
+        observations=SimpleNamespace(efficiency_alone=alone), known=SimpleNamespace(doubt=doubt)
+    )
+    worth = SimpleNamespace(gains=lambda: (SimpleNamespace(calibrated=missed * 0.01, before=0.01),))
+    assert is_strained(refinery, [], worth) is strained  # type: ignore[arg-type]
+
+
+def test_nothing_wrong_is_no_strain() -> None:
+    verdict = diagnosed({}, seed=3).verdict
+    assert (verdict.kind, verdict.strained) == ("consistent", False)
