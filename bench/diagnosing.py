@@ -35,5 +35,8 @@ def answer_of(
 ) -> dict[str, Any]:
     """The answer for programs and the database: what was found, and how the table was read; of a campaign, as the
     store tells it, how much of it was measured and what its import left out. ``model`` is the extended one's file."""
+    from models.diagnosis.observations import taken_for_granted  # here: it loads slowly
+
     before = {} if campaign is None else measured_so_far(campaign) | left_out_by_import(campaign["config"])
-    return found.as_plain(model) | {"notes": list(measured.notes)} | before
+    granted = taken_for_granted(measured.frame, found.baseline.converter)
+    return found.as_plain(model) | {"notes": [*measured.notes, *granted]} | before

@@ -14,6 +14,7 @@ from bench.wording import (
     probable_causes,
 )
 
+_TELLING = 0.2  # of a leftover: a formula that holds less says nothing
 _SUSPECTED, _POSSIBLE = 0.5, 0.2  # probabilities from which a cause that nothing states is spoken of
 _PLACES = {
     "input": "at the input",
@@ -64,6 +65,9 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     >>> law = {"formula": "2 W * P/kW", "formula_explains": 0.9}
     >>> print(unexplained_text({"unknown": law | {"probability": 0.8, "rms_W": 1.2, "location": "input"}}))
     80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input, about 2 W * P/kW (90 % of it)
+    >>> law["formula_explains"] = 0.01
+    >>> print(unexplained_text({"unknown": law | {"probability": 0.8, "rms_W": 1.2, "location": "input"}}))
+    80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input
     """
     unknown = diagnosis.get("unknown") or {}
     if unknown.get("strained"):
@@ -80,8 +84,10 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     where = ", ".join([_PLACES.get(place, place), *rest])
     if fixed(unknown["rms_W"], 2) == "0.00":  # timing and the ac elements move no watts
         return f"{said}, {where}"
-    about = f"about {unknown['formula']} ({per_cent(unknown['formula_explains'], 0)} of it)"
-    return minus(f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}, {about}")
+    said = f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}"
+    if unknown["formula_explains"] < _TELLING:
+        return said
+    return minus(f"{said}, about {unknown['formula']} ({per_cent(unknown['formula_explains'], 0)} of it)")
 
 
 def verdict_text(diagnosis: Mapping[str, Any]) -> str:

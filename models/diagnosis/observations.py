@@ -66,6 +66,7 @@ _WITHOUT_LOAD = {
     "T_inductor_C",
 }
 _DEAD_V = 1.0  # an output below this is off
+_AMBIENT_C = 25.0  # Assumption: of a room whose temperature nobody noted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +169,7 @@ class Observations:
 def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
     """The set points of a measurement table, as applied: measured P2, V1, V2, ambient, time where present.
 
-    Voltages that were not measured are the converter's nominal ones.
+    Voltages that were not measured are the converter's nominal ones (:func:`taken_for_granted`).
     """
 
     def column(name: str, default: float) -> Array:
@@ -186,13 +187,30 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
         power_W=np.where(standby | idle, 0.0, column("P2_W", 0.0)),
         V1_V=V1,
         V2_V=np.where(standby | (V2 < _DEAD_V), converter.V2_V, V2),
-        ambient_C=column("T_ambient_C", 25.0),
+        ambient_C=column("T_ambient_C", _AMBIENT_C),
         time_s=column("time_s", 0.0),
         range_I1_A=column("range_I1_A", 0.0),
         seen_heatsink_C=np.where(np.isfinite(heatsink_C), heatsink_C, np.nan),
         seen_I1_A=np.where(np.isfinite(I1), I1, np.nan),
         pwm=~standby,
     )
+
+
+def taken_for_granted(frame: pd.DataFrame, converter: Converter) -> list[str]:
+    """What a simulation takes for the conditions that a measurement table does not have, a sentence each.
+
+    >>> from sim.prototype import prototype
+    >>> taken_for_granted(pd.DataFrame({"V1_V": [299.8], "T_ambient_C": [24.0]}), prototype())
+    ['V2_V is not in the table: taken as 140 V']
+    """
+    values = {
+        "V1_V": f"{converter.V1_V:g} V", "V2_V": f"{converter.V2_V:g} V", "T_ambient_C": f"{_AMBIENT_C:g} °C",
+    }  # fmt: skip
+    return [
+        f"{name} is not in the table: taken as {value}"
+        for name, value in values.items()
+        if name not in frame or bool(frame[name].isna().all())
+    ]
 
 
 def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Observations:

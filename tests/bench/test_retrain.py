@@ -383,7 +383,7 @@ def test_a_renewed_diagnosis_says_of_what_it_is() -> None:
         answer = store.diagnoses(1)[0]["verdict"]
     assert answer["campaign"]["accepted"] == len(measured(40))
     assert answer["left_out_by_import"]["rows"][0]["row"] == 7
-    assert answer["notes"] == []
+    assert "V1_V is not in the table: taken as 300 V" in answer["notes"]
 
 
 def test_a_virtual_lab_and_hardware_are_never_mixed(store: Store) -> None:
