@@ -91,9 +91,12 @@ def open_instruments(
 
 
 def inspect_bench(config: BenchConfig, clock: Clock) -> Inspection:
-    """Reach every instrument, compare limits and states; switches nothing."""
+    """Reach every instrument, compare limits and states; switches nothing.
+
+    Raises BenchTaken while somebody has the bench: to greet a controller once more would disturb who works with it.
+    """
     inspection = Inspection()
-    with ExitStack() as stack:
+    with ports_of_bench(config), ExitStack() as stack:
         _inspect(config, open_all(config, clock, inspection, stack), inspection)
     return inspection
 

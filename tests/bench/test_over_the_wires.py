@@ -162,6 +162,8 @@ def test_alarms_whose_cause_is_gone_are_acknowledged_and_the_others_stand() -> N
         assert not rack.supply.remote
         with ports_of_bench(config(rack)), pytest.raises(BenchTaken):
             acknowledge_alarms(config(rack), plant.clock)
+        with ports_of_bench(config(rack)), pytest.raises(BenchTaken):
+            inspect_bench(config(rack), plant.clock)
     assert is_off(plant)
 
 
