@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -86,6 +87,12 @@ def foreign(seeds: Seeds) -> Iterator[BlindTrial]:
         name = names[k % len(names)]
         value = log_uniform(FOREIGN[name].drawn, _rng(seed))
         yield BlindTrial(row="foreign", seed=seed, hidden=((name, value),), design=seeds.design(k % DESIGNS))
+
+
+def foreign_alone(seeds: Seeds) -> Iterator[BlindTrial]:
+    """The same labs, seen in efficiency alone."""
+    for trial in foreign(seeds):
+        yield replace(trial, row="foreign_alone", efficiency_only=True)
 
 
 def coverage(seeds: Seeds) -> Iterator[BlindTrial]:

@@ -193,7 +193,7 @@ def ask(trial: BlindTrial) -> dict[str, Any]:
         truth["isolability"] = isolability(trial, sight)
         if truth["isolability"] < LEAST_SIGMA:
             return truth | {"excluded": True}
-        if trial.efficiency_only:
+        if trial.efficiency_only and trial.names[0] not in FOREIGN:
             truth["tied"] = list(sight.tied(trial.names[0]))
             truth["nearest"] = sight.nearest(trial.names[0])
     seen = efficiency_table(table) if trial.efficiency_only else table

@@ -6,7 +6,17 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from experiments.blind.draws import HOW_MANY, SIZES, efficiency_only, foreign, nothing, pairs, singles, sizes
+from experiments.blind.draws import (
+    HOW_MANY,
+    SIZES,
+    efficiency_only,
+    foreign,
+    foreign_alone,
+    nothing,
+    pairs,
+    singles,
+    sizes,
+)
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored, Share, judged, left_by_noise, share
@@ -14,6 +24,7 @@ from experiments.blind.trial import NOISES
 from experiments.harness.result import Cell, Table
 
 SINGLES, PAIRS, NOTHINGS, FOREIGNS, EFFICIENCY_ONLYS, OF_SIZES = 500, 300, 3000, 300, 300, 81
+FOREIGNS_ALONE = 150
 _OUTCOMES: dict[str, Callable[[Scored], bool]] = {
     "wrong": lambda s: s.wrong,
     "unknown": lambda s: s.unknown,
@@ -79,8 +90,25 @@ def _foreign(run: Run) -> Outcome:
     )
     return Outcome(
         goals=goals,
-        tables=(_by_family(scored), misses("Foreign", scored, lambda s: s.unknown)),
+        tables=(
+            _by_family("Not in the catalogue, by family", scored),
+            misses("Foreign", scored, lambda s: s.unknown),
+        ),
         notes=notes("foreign", scored),
+    )
+
+
+def _foreign_alone(run: Run) -> Outcome:
+    """The same labs by efficiency alone; there is no bar for it."""
+    scored = run.scored(foreign_alone, FOREIGNS_ALONE)
+    counts = ((said, share(scored, holds)) for said, holds in _OUTCOMES.items())
+    told = (f"{said} {s.hits} of {s.trials} ({s.per_cent:.3g} %)" for said, s in counts)
+    return Outcome(
+        tables=(
+            _by_family("Not in the catalogue, efficiency alone, by family", scored),
+            misses("Foreign, efficiency alone", scored, lambda s: not s.wrong),
+        ),
+        notes=(*notes("foreign alone", scored), f"foreign alone: {', '.join(told)}"),
     )
 
 
@@ -160,7 +188,7 @@ def _by_effect(title: str, scored: Sequence[Scored]) -> Table:
     return Table(title=title, columns=columns, rows=tuple(rows))
 
 
-def _by_family(scored: Sequence[Scored]) -> Table:
+def _by_family(title: str, scored: Sequence[Scored]) -> Table:
     rows = []
     for name in dict.fromkeys(s.trial.names[0] for s in scored):
         own = [s for s in scored if s.trial.names[0] == name]
@@ -172,7 +200,7 @@ def _by_family(scored: Sequence[Scored]) -> Table:
             verdicts["consistent"], ", ".join(f"{n} {k}" for n, k in taken.most_common(2)) or None,
         ))  # fmt: skip
     columns = ("family", "trials", "excluded", "unknown", "misnamed", "consistent", "taken for")
-    return Table(title="Not in the catalogue, by family", columns=columns, rows=tuple(rows))
+    return Table(title=title, columns=columns, rows=tuple(rows))
 
 
 def _by_sigma(scored: Sequence[Scored]) -> Table:
@@ -223,6 +251,9 @@ VERDICT_PARTS = (
     Part(name="pairs", says="two at once", run=_pairs),
     Part(name="nothing", says="nothing hidden, four kinds of noise", run=_nothing),
     Part(name="foreign", says="not in the catalogue", run=_foreign),
+    Part(
+        name="foreign_alone", says="not in the catalogue, efficiency alone, without a bar", run=_foreign_alone
+    ),
     Part(name="efficiency_only", says="efficiency alone", run=_efficiency_only),
     Part(name="sizes", says="one hidden effect in short and long tables, without a bar", run=_sizes),
 )

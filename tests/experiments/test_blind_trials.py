@@ -22,6 +22,7 @@ from experiments.blind.draws import (
     efficiency_only,
     extension,
     foreign,
+    foreign_alone,
     nothing,
     pairs,
     singles,
@@ -51,7 +52,7 @@ MANY = 60
 
 
 def test_every_row_of_the_table_has_seeds_and_a_part() -> None:
-    assert set(NAMES) == set(ROWS)
+    assert set(NAMES) == {*ROWS, "foreign_alone"}  # of the labs of foreign effects
 
 
 @pytest.mark.parametrize("row", DRAWS)
@@ -74,6 +75,12 @@ def test_singles_walk_the_catalogue_with_values_of_the_labs_ranges() -> None:
     for t in trials:
         low, high = HIDDEN[t.names[0]].drawn
         assert low <= t.hidden[0][1] <= high
+
+
+def test_foreign_labs_are_seen_in_efficiency_alone_as_well() -> None:
+    both = zip(islice(foreign(TUNING), MANY), islice(foreign_alone(TUNING), MANY), strict=True)
+    for all_channels, alone in both:
+        assert alone == replace(all_channels, row="foreign_alone", efficiency_only=True)
 
 
 def test_foreign_trials_walk_all_families() -> None:
