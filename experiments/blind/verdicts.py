@@ -20,6 +20,7 @@ from experiments.blind.draws import (
 from experiments.blind.part import Outcome, Part, Run
 from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored, Share, judged, left_by_noise, share
+from experiments.blind.sight import LEAST_SIGMA
 from experiments.blind.trial import NOISES
 from experiments.harness.result import Cell, Table
 
@@ -152,9 +153,11 @@ def _faint(seen: Sequence[Scored]) -> str:
     """One cause of the catalogue has beforehand so much less probability than that nothing is wrong."""
     against = math.log(len(hideable()) / HOW_MANY[1])
     expected = left_by_noise((s.isolability for s in seen if s.isolability is not None), against)
+    of_100 = 100 * left_by_noise([LEAST_SIGMA], against)
     return (
         f"efficiency only: noise alone leaves at least {expected:.1f} of {len(seen)} labs consistent, whoever judges "
-        f"with odds of {math.exp(against):.0f} against each cause: of those that stand out by five sigma 12 in 100"
+        f"with odds of {math.exp(against):.0f} against each cause: of those that stand out by {LEAST_SIGMA:g} sigma "
+        f"{of_100:.0f} in 100"
     )
 
 
