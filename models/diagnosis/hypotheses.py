@@ -34,7 +34,7 @@ _P_CAUSES = (0.75, 0.2, 0.05)  # one, two or three causes, where there are any
 EVERYDAY = 4.1  # standard deviations: of 25 normal spreads, one is further off in one bench of a thousand
 SURELY = 1.64  # standard deviations of the fit: 95 %
 _NEAR_A_BOUND = 1e-3  # of the range that is searched
-_GAINED = 1.0  # most that a step still to go may add to the evidence, where bounds do not hold it
+_GAINED = 1.0  # most that a step still to go may add to the evidence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -302,14 +302,24 @@ def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[WeighedB
     step, sigma = prior * ahead, prior * np.sqrt(np.diagonal(inverse, axis1=2, axis2=3))
     held = at.held(step)
     gained = 0.5 * np.sum(pull * ahead, axis=2)
+    free, of_free = _free_step(scaled, pull, held) if np.any(held) else (ahead, gained)
     here = bare - 0.5 * (np.sum((at.distance / prior) ** 2, axis=2) + np.linalg.slogdet(scaled)[1])
     here = here + np.sum(log_inside((at.lower, at.upper), at.value + step, sigma), axis=2) - first[:, None]
-    promised, step = here + gained, np.where(held, 0.0, step)
-    evidence = here + np.where(np.any(held, axis=2), gained, np.minimum(gained, _GAINED))
+    promised, step = here + gained, prior * free
+    evidence = here + gained - of_free + np.minimum(of_free, _GAINED)
     return [
         WeighedBeside(log_evidence=e, promised=p, step=s, sigma=d)
         for e, p, s, d in zip(evidence, promised, step, sigma, strict=True)
     ]
+
+
+def _free_step(scaled: Array, pull: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """The step (F, L, k) in the prior's units of the values that no bound holds, and what it gains (F, L)."""
+    fixed = held[..., :, None] | held[..., None, :]
+    inner = np.where(fixed, np.eye(scaled.shape[-1]), scaled)
+    pull = np.where(held, 0.0, pull)
+    step = np.asarray(np.linalg.solve(inner, pull[..., None])[..., 0])
+    return step, np.asarray(0.5 * np.sum(pull * step, axis=2))
 
 
 def _law_let_in(inner: Array, log_det: Array, vectors: int) -> tuple[Array, Array]:

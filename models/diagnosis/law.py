@@ -9,12 +9,11 @@ its formula has another exponent, another dependence on temperature or time. g i
 :math:`s_1` being the slope and :math:`\rho` how well the effect's formula is known. Written as :math:`L L^T` with few
 columns, it is added to the covariance of every hypothesis that holds the cause, so that errors of its formula are not
 taken for a second cause. g has no level: that is in the value, whose interval is at least as wide as the law is
-uncertain, with what g's shapes do to the value included. What rises with the square of frequency may flatten at high
-harmonics, of which each set point has its own share (:mod:`sim.harmonics`): that is one of g's shapes, and has a level,
-for the value is that at the switching frequency. A reading near a threshold may lie on either side of it.
+uncertain, with what g's shapes do to the value included. What a formula is known to leave out has shapes of its own
+(:mod:`models.diagnosis.law_errors`), some with a level. A reading near a threshold may lie on either side of it.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.covariance import locations
 from models.diagnosis.geometry import Directions, Geometry
+from models.diagnosis.law_errors import LawErrors, no_errors
 from models.diagnosis.leftover import smooth_maps
 from models.diagnosis.lines import Key
 from models.diagnosis.observations import Observations
@@ -30,7 +30,6 @@ from models.diagnosis.signatures import Signature
 from models.diagnosis.thresholds import State
 
 Array = NDArray[np.float64]
-EddyShare = Callable[[float], Array]
 
 _WIDER = 2.0  # than the correlation lengths of a map: exponents bend over the whole of it
 _OF_TIME = 0.5  # of the campaign
@@ -54,19 +53,15 @@ def law_maps(observations: Observations) -> Array:
 
 
 def law_columns(
-    signatures: Sequence[Signature], observations: Observations, state: State, eddy: EddyShare | None = None
+    signatures: Sequence[Signature], observations: Observations, state: State, errors: LawErrors = no_errors
 ) -> Iterable[tuple[Signature, Array]]:
     """Every signature with the columns (r, M) of its error at a distance of one from off.
 
-    ``state`` is of the frame's rows, for the thresholds; ``eddy`` tells which share (M,) of an effect is left at every
-    reading where it flattens about a harmonic.
+    ``state`` is of the frame's rows, for the thresholds; ``errors`` tells how an effect's formula is known to err.
     """
     maps = law_maps(observations)
     for s in signatures:
-        columns = s.entry.law * maps * s.slope
-        if eddy is not None and np.isfinite(s.entry.flattens_from):
-            lacking = np.nan_to_num(1.0 - eddy(s.entry.flattens_from))
-            columns = np.concatenate([columns, (lacking * s.slope)[None]])
+        columns = np.concatenate([s.entry.law * maps, *(own[None] for own in errors(s.entry))]) * s.slope
         if s.entry.threshold:
             variants = [v for v in signatures if v.effect == s.effect]
             columns = np.concatenate([columns, _undecided(s, variants, observations, state)])

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from models.diagnosis.hypotheses import EVERYDAY, Fit, Term, evidence_of, weigh
 from models.diagnosis.refinery import STILL, Refinery, hopeless
-from models.diagnosis.signatures import Signature, step_of
+from models.diagnosis.signatures import Signature
+from models.diagnosis.variants import step_of
 
 Array = NDArray[np.float64]
 

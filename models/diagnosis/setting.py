@@ -11,7 +11,8 @@ from models.diagnosis.covariance import noiseless_covariance
 from models.diagnosis.evidence import NEGLIGIBLE, log_total, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.law import EddyShare, Laws, law_columns
+from models.diagnosis.law import Laws, law_columns
+from models.diagnosis.law_errors import law_errors
 from models.diagnosis.leftover import Leftovers, leftovers
 from models.diagnosis.noise import (
     ChannelNoise,
@@ -26,9 +27,7 @@ from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import on_tangents
 from models.diagnosis.signatures import Signatures
 from models.diagnosis.whitener import Covariance, Whitener
-from sim.harmonics import eddy_share
 from sim.model import Model
-from sim.simulate import Result
 from sim.size import size
 
 Array = NDArray[np.float64]
@@ -109,8 +108,8 @@ def set_up(sight: FirstSight) -> Setting:
     found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
     near, lines = known.start(observations, baseline)
     geometry = found.refinery.geometry
-    eddy = _eddy_share(observations, near, baseline)
-    laws = Laws.of(law_columns(known.effects, observations, known.state, eddy), geometry)
+    errors = law_errors(observations, near, baseline.converter)
+    laws = Laws.of(law_columns(known.effects, observations, known.state, errors), geometry)
     everyday = zip(known.effects, _everyday(known, geometry), strict=True)
     effects = tuple(replace(s, everyday=sigma) for s, sigma in everyday)
     usual = without_widening(observations, best.first, sigma)
@@ -122,13 +121,6 @@ def set_up(sight: FirstSight) -> Setting:
             found.refinery, known=replace(bench.known, effects=effects), near=near, lines=lines, laws=laws
         ),
     )
-
-
-def _eddy_share(observations: Observations, near: Result, baseline: Model) -> EddyShare:
-    """What is left of eddy currents that flatten about a harmonic, at every reading; ``near`` is of its rows."""
-    rows, row = np.unique(observations.row, return_inverse=True)
-    points, D0 = observations.points.take(rows), np.asarray(near["D0"])
-    return lambda corner: eddy_share(baseline.converter, points, D0, corner)[row]
 
 
 def _everyday(known: Signatures, geometry: Geometry) -> list[float]:

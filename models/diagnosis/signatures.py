@@ -1,6 +1,6 @@
 """Signatures: how every effect, and every everyday spread, moves the whole vector of readings."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Self
@@ -11,35 +11,29 @@ from numpy.typing import NDArray
 from models.diagnosis.common_mode import CommonModes
 from models.diagnosis.inaccuracy import inaccuracy, of_laws
 from models.diagnosis.lines import Key, Lines, key_of
-from models.diagnosis.near_limit import LINK_INDUCTANCE, curvature
+from models.diagnosis.near_limit import curvature
 from models.diagnosis.observations import Observations
 from models.diagnosis.predictions import Predictions, Repeated, Variant, ending, read, table_of
 from models.diagnosis.rounding import step_of_output
 from models.diagnosis.thresholds import State
+from models.diagnosis.variants import APART, P2_NOISE, Variants, is_everyday, step_of
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
 from sim.model import Model
-from sim.parameters import Converter, ParameterError
-from sim.simulate import Case, Points, Result, simulate_each
-from sim.spread import Spread, everyday_spread
+from sim.parameters import Converter
+from sim.simulate import Case, Result, simulate_each
 
 Array = NDArray[np.float64]
-_Entry = tuple[str, Effect, dict[str, float]]  # its name, and the values beside its headline's
 
 _ROOT_3 = 3**0.5
-_VOLTAGE_GAIN = 5e-4 / _ROOT_3  # of a dc voltage: 0.05 % of reading, uniform
-_P2_NOISE = 1e-4  # of reading, one averaged reading
 _COLLINEAR = 0.9999
 _CROSSED = 5  # readings on the far side of a threshold that make it more than an outlier
 _SILENT = 1e-3  # over all readings, in their units: above the solver's tolerance, below every noise
-_APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 # Assumption: of a law's doubt over the whole map, where readings agree with it from place to place
 _STAYS = 0.5
 _LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
-# of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
-_STEP = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,12 +154,6 @@ def _own_spreads(names: tuple[str, ...], spread_names: tuple[str, ...]) -> NDArr
     return found
 
 
-def step_of(entry: Effect) -> float:
-    """A step of the headline value that stays inside its bounds."""
-    step = _STEP * entry.headline.prior
-    return step if entry.headline.off + step <= entry.headline.upper else -step
-
-
 def signatures(
     observations: Observations,
     baseline: Model,
@@ -181,117 +169,53 @@ def signatures(
     by default. ``near`` is a simulation of the rows with readings to start from. Rows that are ``repeated`` are not
     simulated again where that is known.
     """
-    spreads, present = _spreads(baseline), baseline.effects
-    sized = {name: entry.at(baseline.converter) for name, entry in CATALOGUE.items()}
-    about = {name: entry.about(present[name]) if name in present else entry for name, entry in sized.items()}
-    entries = [
-        (name, entry, other)
-        for name, entry in about.items()
-        if applies(entry, baseline.converter)
-        and (among is None or name in among or _is_everyday(entry, spreads))
-        for other in entry.variants()
-    ]
+    asked = Variants.of(observations, baseline, among)
     used, row = np.unique(observations.row, return_inverse=True)
-    at, near = observations.points.take(used), near or observations.reference(baseline)
-    variants: dict[Variant, Case] = {("baseline",): (baseline, at)}
-    for name, entry, other in entries:
-        values = {entry.headline.name: entry.headline.off + step_of(entry), **other}
-        variants[name, *other.items()] = baseline.with_effect(name, **values), at
-    limit = [k for k, s in enumerate(spreads) if s.path == LINK_INDUCTANCE and observations.efficiency_alone]
-    for s, sigmas in (*((s, 1.0) for s in spreads), *((spreads[k], -1.0) for k in limit)):
-        model = Model(converter=s.shifted(baseline.converter, sigmas), effects=present)
-        variants["spread", s.path, sigmas] = model, at
-    variants |= {("input", k): (baseline, moved) for k, moved in enumerate(_inputs(at))}
-    lines = None
-    end_s, at_end = float(np.max(np.asarray(observations.points.time_s))), dict[Variant, Case]()
+    near, at_end = near or observations.reference(baseline), dict[Variant, Case]()
+    end_s, lines = float(np.max(np.asarray(observations.points.time_s))), None
     if repeated is None:
         if observations.processes > 1:  # what to measure next is asked for then
-            at_end = ending(variants, end_s)
-        cases = [*variants.values(), *at_end.values()]
+            at_end = ending(asked.cases, end_s)
+        cases = [*asked.cases.values(), *at_end.values()]
         results = simulate_each(cases, near, processes=observations.processes)
-        tables, lines = list(map(table_of, results)), _lines(results, entries, len(spreads))
+        tables, lines = list(map(table_of, results)), asked.lines(results)
     else:
-        tables = repeated.tables(variants, near)
-    tables, last = tables[: len(variants)], tables[len(variants) :]
-    base, *moved = (read(table, observations, row) for table in tables)
-    ends = np.cumsum([len(entries), len(spreads), len(limit)])
-    of_effects, of_spreads, of_limit, of_inputs = np.split(np.stack(moved), ends)
-    usual = [e.headline.tolerance / step_of(e) * _is_everyday(e, spreads, other) for _, e, other in entries]
-    usual += [1.0 for _ in spreads]
-    found = [
-        Signature(entry=entry, other=other, slope=(after - base) / step_of(entry))
-        for (_, entry, other), after in zip(entries, of_effects, strict=True)
+        tables = repeated.tables(asked.cases, near)
+    tables, last = tables[: len(asked.cases)], tables[len(asked.cases) :]
+    base, *others = (read(table, observations, row) for table in tables)
+    moved = asked.moved(others)
+    every = [
+        Signature(entry=a.entry, other=a.other, slope=(after - base) / step_of(a.entry))
+        for a, after in zip(asked.effects, moved.effects, strict=True)
     ]
-    (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, of_inputs - base)
-    effects = tuple(s for s in found if s.effect not in without and not _imitates(s, found))
+    (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, moved.inputs - base)
     everyday = {
         s.effect: s.slope * s.entry.headline.tolerance
-        for s in found
-        if _is_everyday(s.entry, spreads, s.other)
+        for s in every
+        if is_everyday(s.entry, asked.spreads, s.other)
     }
-    everyday |= _instrument_spreads(observations, baseline.converter, per_watt) | {
-        "measured V1": V1,
-        "measured V2": V2,
-    }
-    modes = CommonModes.of(spreads, baseline.converter)
+    everyday |= _instrument_spreads(observations, baseline.converter, per_watt)
+    everyday |= {"measured V1": V1, "measured V2": V2}
+    modes = CommonModes.of(asked.spreads, baseline.converter)
+    simulated = tables[: 1 + len(asked.effects) + len(asked.spreads)]
+    state = State.of(observations.points.take(used), simulated, asked.usual())
     return Signatures(
         baseline=base,
-        effects=effects,
+        effects=tuple(s for s in every if s.effect not in without and not _imitates(s, every)),
         modes=modes,
         spread_names=(*modes.names, *everyday),
-        spreads=np.concatenate([modes.axes @ (of_spreads - base), np.stack(list(everyday.values()))]),
+        spreads=np.concatenate([modes.axes @ (moved.spreads - base), np.stack(list(everyday.values()))]),
         input_sigma=input_sigma,
-        bends=curvature(base, of_spreads[limit], of_limit),
+        bends=curvature(base, moved.spreads[list(asked.limit)], moved.limit),
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near, baseline.converter),
         laws=of_laws(observations, near),
         rows=used,
         near=near,
         lines=lines,
-        told=Predictions.of(used, variants, tables).ending(list(at_end), last, end_s),
-        state=State.of(at, tables[: 1 + ends[1]], usual).spread(used, len(observations.frame)),
+        told=Predictions.of(used, asked.cases, tables).ending(list(at_end), last, end_s),
+        state=state.spread(used, len(observations.frame)),
     )
-
-
-def _lines(results: Sequence[Result], entries: Sequence[_Entry], spreads: int) -> Lines:
-    """From the simulations of the baseline, of every effect at its step, and of so many spreads at one sigma."""
-    base, *moved = (result.state for result in results[: 1 + len(entries) + spreads])
-    effects = {
-        key_of(name, other): (there - base) / step_of(entry)
-        for (name, entry, other), there in zip(entries, moved[: len(entries)], strict=True)
-    }
-    return Lines.of(base, np.stack(moved[len(entries) :]) - base, effects)
-
-
-def _spreads(baseline: Model) -> tuple[Spread, ...]:
-    """The everyday spreads of the baseline's parts; one that an effect of it replaced has none."""
-    entries = map(CATALOGUE.__getitem__, baseline.effects)
-    replaced = {path for e in entries if isinstance(e, ParameterEffect) for path in e.replaces}
-    return tuple(spread for spread in everyday_spread(baseline.converter) if spread.path not in replaced)
-
-
-def applies(entry: Effect, converter: Converter) -> bool:
-    """Whether a converter has the parts that an effect changes."""
-    try:
-        entry.converter(converter, {entry.headline.name: entry.headline.off + step_of(entry)})
-    except ParameterError:
-        return False
-    return True
-
-
-def _is_everyday(
-    entry: Effect, spreads: tuple[Spread, ...], other: Mapping[str, float] | None = None
-) -> bool:
-    """Whether every bench has a little of an effect, beside the spreads of the converter's parameters.
-
-    ``other`` are the values beside its headline's: of several variants it is the one with all of them at off.
-    """
-    off = entry.off_values()
-    if any(value != off[name] for name, value in (other or {}).items()):
-        return False
-    paths = entry.paths if isinstance(entry, ParameterEffect) else ()
-    own = entry.together or {spread.path for spread in spreads}.isdisjoint(paths)
-    return own and not entry.threshold and entry.headline.tolerance > 0
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:
@@ -313,31 +237,21 @@ def _imitates(signature: Signature, others: list[Signature]) -> bool:
     return False
 
 
-def _inputs(p: Points) -> list[Points]:
-    """The points with errors of V1, V2 and P2, and with more and less power."""
-    return [
-        replace(p, V1_V=p.V1_V * (1 + _VOLTAGE_GAIN)),
-        replace(p, V2_V=p.V2_V * (1 + _VOLTAGE_GAIN)),
-        replace(p, power_W=p.power_W * (1 + _P2_NOISE)),
-        replace(p, power_W=p.power_W * (1 + _APART)),
-        replace(p, power_W=p.power_W * (1 - _APART)),
-    ]
-
-
 def _errors_of_inputs(observations: Observations, moved: Array) -> tuple[tuple[Array, Array], Array, Array]:
     """What errors of the measured inputs do to the prediction: of V1 and V2, of P2; and what a watt more does.
 
-    ``moved`` (5, M) is what :func:`_inputs` change. The noise of P2 is already in the replicates of the input power,
-    which follows it, and its rounding in that power's own; there it is zero. It is NaN for a D0 that bends sharply over
-    power: where two edges pass each other at light load D0 jumps for little.
+    ``moved`` (5, M) is what other inputs change, in the order of :mod:`models.diagnosis.variants`. The noise of P2 is
+    already in the replicates of the input power, which follows it, and its rounding in that power's own; there it is
+    zero. It is NaN for a D0 that bends sharply over power: where two edges pass each other at light load D0 jumps for
+    little.
     """
     V1, V2, P2, more, less = moved
     folded = observations.of("D0") & ~(np.abs(more + less) < _FOLD)
     power = np.asarray(observations.points.power_W)[observations.row]
-    rounded = step_of_output(observations) / np.sqrt(12) / np.where(power > 0, _P2_NOISE * power, np.inf)
+    rounded = step_of_output(observations) / np.sqrt(12) / np.where(power > 0, P2_NOISE * power, np.inf)
     P2 = np.where(folded, np.nan, P2) * np.hypot(1.0, rounded)
     follows = observations.of("efficiency") | observations.of("P_link1_W") | observations.of("P_link2_W")
-    per_watt = (more - less) / np.where(power > 0, 2 * _APART * power, np.inf)
+    per_watt = (more - less) / np.where(power > 0, 2 * APART * power, np.inf)
     return (V1, V2), np.where(follows & ~folded, 0.0, np.abs(P2)), np.nan_to_num(per_watt)
 
 

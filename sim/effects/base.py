@@ -96,7 +96,8 @@ class Effect:
 
     ``below_off`` is what to check first where the headline comes out below off, which the effect itself does not do.
     ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. What rises
-    with the square of frequency may flatten about the harmonic ``flattens_from``, one sigma.
+    with the square of frequency may flatten about the harmonic ``flattens_from``, one sigma; what is lost in the
+    core of ``core_of``, inductor or transformer, depends on that core's temperature as well.
     ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each; ``over_time``
     that it follows the time since the campaign began; ``inside_limits`` that the tolerance is the sigma of what is
     uniform inside a maker's limits.
@@ -111,6 +112,7 @@ class Effect:
     threshold: bool = False
     law: float = 0.02
     flattens_from: float = np.inf
+    core_of: str = ""
     together: bool = False
     over_time: bool = False
     inside_limits: bool = False

@@ -283,6 +283,7 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("transformer.core.k",),
         change=_scaled,
         law=0.1,
+        core_of="transformer",
         says=(
             "the transformer's core loses more than its material data say: grade, gap, dc bias or temperature"
         ),
@@ -295,6 +296,7 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("inductor.core.k",),
         change=_scaled,
         law=0.1,
+        core_of="inductor",
         says="the inductor's core loses more than its material data say: fringing at the gap, grade, dc bias",
         check_on_bench="compare the inductor's temperature at equal rms current and different ripple",
     ),

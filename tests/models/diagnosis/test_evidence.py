@@ -317,6 +317,22 @@ def test_a_value_stays_inside_its_bounds() -> None:
     assert above_nothing(bench) < -5  # and its evidence knows how far outside the data would have it
 
 
+def test_a_value_at_its_bound_lets_no_other_promise_more_than_a_last_step() -> None:
+    residual = 30.0 * FLAT - 0.01 * GROWING  # a resistance below nothing, and power far beyond the next step
+    bench = refinery(residual, [LINK, AUXILIARY], SIGMA)
+    terms = {"auxiliary_power": FLAT, "link_resistance": GROWING}
+    both = joint_fit(terms, np.zeros(READINGS), value=0.0)
+    power, resistance = both.without("link_resistance"), both.without("auxiliary_power")
+    of_both, of_power = bench.weighed(both), bench.weighed(power)
+    assert bench.weighed(both.moved(np.array([0.0, 0.01]))).step[1] < 0.0  # it would go below nothing
+    assert of_both.step[1] == 0.0
+    assert of_both.step[0] == pytest.approx(of_power.step[0], rel=1e-9)  # rounding
+    assert of_both.promised > of_both.log_evidence + 100.0
+    held = 0.01**2 * 0.5 * float(GROWING**2 @ SIGMA**-2.0)  # most that the resistance could still gain
+    assert of_both.log_evidence < of_power.log_evidence + held
+    assert bench.weighed(resistance).log_evidence < of_power.log_evidence
+
+
 def test_a_slope_that_was_learned_wrongly_is_simulated_anew() -> None:
     bench = refinery(0.05 * GROWING + noise(10), [LINK], SIGMA)
     wrong = replace(alone(bench), terms=(replace(alone(bench).terms[0], slope=3.0 * GROWING[::-1]),))

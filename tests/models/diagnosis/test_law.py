@@ -16,6 +16,7 @@ from models.diagnosis.search import search
 from models.diagnosis.signatures import Signature
 from models.diagnosis.thresholds import State
 from models.diagnosis.whitener import Whitener
+from sim.effects.base import Effect
 from sim.effects.catalogue import effect
 from tests.models.diagnosis.fabricated import joint_fit, loads, refinery
 
@@ -192,21 +193,15 @@ def test_where_nobody_read_the_temperature_more_readings_are_free_and_each_by_it
     assert free[0] == 0.0  # three and a half sigmas beyond
 
 
-def test_eddy_currents_may_flatten_at_high_harmonics_by_what_each_set_point_has_of_them() -> None:
+def test_what_a_formula_is_known_to_leave_out_is_in_proportion_to_what_the_cause_does() -> None:
     skin, observations = Signature(entry=effect("skin_effect"), slope=GROWING), loads(POWER_W)
-    share = np.linspace(0.5, 1.0, READINGS)
-    share[3] = np.nan  # where nothing is switched
-    asked = []
+    share = np.linspace(0.0, 0.5, READINGS)
 
-    def eddy(corner: float) -> np.ndarray:
-        asked.append(corner)
-        return share
+    def errors(entry: Effect) -> list[np.ndarray]:
+        return [share, share**2] if entry.name == "skin_effect" else []
 
     (_, plain), (_, of_link) = law_columns([skin, LINK], observations, State())
-    (_, (*others, flat)), (_, link) = law_columns([skin, LINK], observations, State(), eddy)
+    (_, (*others, flat, flatter)), (_, link) = law_columns([skin, LINK], observations, State(), errors)
     np.testing.assert_array_equal(others, plain)
-    np.testing.assert_array_equal(link, of_link)  # a plain resistance has no harmonics
-    np.testing.assert_allclose(
-        flat, np.nan_to_num(1.0 - share) * GROWING, rtol=1e-12
-    )  # rounding; with its level
-    assert asked == [skin.entry.flattens_from]
+    np.testing.assert_array_equal(link, of_link)
+    np.testing.assert_allclose([flat, flatter], [share * GROWING, share**2 * GROWING], rtol=1e-12)  # rounding

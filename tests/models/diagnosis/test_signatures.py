@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.signatures import Signatures, signatures, step_of
+from models.diagnosis.signatures import Signatures, signatures
+from models.diagnosis.variants import step_of
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype

@@ -1,0 +1,60 @@
+"""How a cause's own formula is known to err: relative errors of what it does, of a shape that the set points tell.
+
+A resistance that rises with the square of frequency flattens at high harmonics, of which each set point has its own
+share. A core's loss depends on the core's temperature; ferrites have a minimum somewhere from 25 to 120 degC and lose
+half as much again 75 K away from it (makers' data sheets; Magnetics, *Designing with magnetic cores at high
+temperatures*). The simulator leaves both out.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.observations import Observations
+from sim.checks import HOTTEST_C
+from sim.effects.base import Effect
+from sim.harmonics import eddy_share
+from sim.parameters import Converter
+from sim.simulate import Result
+
+Array = NDArray[np.float64]
+LawErrors = Callable[[Effect], list[Array]]  # of an effect: relative errors (M,), one sigma each
+
+# Assumption: of a core's loss by one sigma, for so many K of the core, and again for their square
+_OF_WARMTH, _WARMTH_K = 0.2, 60.0
+_HOT = 2.0  # times what the core is simulated to lose: heat that it has more where the cause is large
+
+
+def no_errors(entry: Effect) -> list[Array]:
+    """Of an effect whose formula errs in no known way."""
+    return []
+
+
+def law_errors(observations: Observations, near: Result, converter: Converter) -> LawErrors:
+    """The errors at every reading; ``near`` is a simulation of the rows with readings."""
+    rows, row = np.unique(observations.row, return_inverse=True)
+    points = observations.points.take(rows)
+
+    def errors(entry: Effect) -> list[Array]:
+        found = []
+        if np.isfinite(entry.flattens_from):
+            found.append(1.0 - eddy_share(converter, points, np.asarray(near["D0"]), entry.flattens_from))
+        if entry.core_of:
+            found += _of_warmth(_core_C(entry.core_of, near, converter))
+        return [np.nan_to_num(error)[row] for error in found]
+
+    return errors
+
+
+def _core_C(part: str, near: Result, converter: Converter) -> Array:
+    """The temperature of a part whose core loses far more than simulated, at every row, (N,)."""
+    heat_W = _HOT * np.asarray(near[f"loss_{part}_core_W"])
+    warmer = np.asarray(near[f"T_{part}_C"]) + getattr(converter, part).thermal_K_per_W * heat_W
+    return np.asarray(np.minimum(warmer, HOTTEST_C))
+
+
+def _of_warmth(core_C: Array) -> list[Array]:
+    """A straight line and a parabola over the temperature, without a level: that is in the value."""
+    warmth = (core_C - np.nanmean(core_C)) / _WARMTH_K
+    return [_OF_WARMTH * warmth, _OF_WARMTH * (warmth**2 - np.nanmean(warmth**2))]
