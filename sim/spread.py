@@ -73,7 +73,7 @@ _REST = (
     Spread(path="transformer.core.k", sigma=0.07),
     Spread(path="transformer.thermal_K_per_W", sigma=0.05),
     Spread(path="link_resistance_Ohm", sigma=0.002, relative=False, lower=0.0, goes_by="input_resistance"),
-    Spread(path="dead_time_s", sigma=8e-9, relative=False),
+    Spread(path="dead_time_s", sigma=8e-9, relative=False, lower=0.0),
     Spread(path="secondary_delay_s", sigma=8e-9, relative=False),
     Spread(path="auxiliary_power_W", sigma=0.05, relative=False, lower=0.0, goes_by="power"),
     Spread(path="input_cable_Ohm", sigma=0.002, relative=False, lower=0.0, goes_by="input_resistance"),

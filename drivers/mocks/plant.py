@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 _OVERHEAT_C = 100.0
 _OVERRANGE = 1.3  # an element shows values up to this share of its range, as power analyzers do
 _FAR_K = 5.0  # of warming, beyond which the losses that settle it are worth a second look
-_HEATSINK_S = 40.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,7 +230,8 @@ class Plant:
 
     def _moment(self, now_s: float) -> tuple[Heat, float]:
         """Temperatures now, and how much of the way from first to last the episode has gone."""
-        return self._heat(now_s), float(-np.expm1(-(now_s - self._episode.since_s) / _HEATSINK_S))
+        time_constant_s = self.laboratory.inertia.heatsink_s
+        return self._heat(now_s), float(-np.expm1(-(now_s - self._episode.since_s) / time_constant_s))
 
     def state(self) -> PlantState:
         """The plant at the clock's now."""

@@ -265,8 +265,9 @@ def said(at: SetPoint) -> str:
     return f"D1 = {at[0]:.3f}, D2 = {at[1]:.3f}, {at[2]:.0f} W"
 
 
-def _with_dead_time(dead_time_s: float, model: Model) -> Model:
-    return replace(model, converter=replace(model.converter, dead_time_s=dead_time_s))
+def _with_more_dead_time(more_s: float, model: Model) -> Model:
+    longer_s = model.converter.dead_time_s + more_s
+    return replace(model, converter=replace(model.converter, dead_time_s=longer_s))
 
 
 def _with_elements_swapped(model: Model) -> Model:
@@ -274,7 +275,7 @@ def _with_elements_swapped(model: Model) -> Model:
     for name in _PORT_1:
         if name in model.effects:
             head, values = effect(name).headline.name, model.effects[name]
-            model = model.with_effect(name, **{**values, head: -values[head]})
+            model = model.with_effect(name, **{**values, head: -effect(name).value(values)})
     return model
 
 
@@ -287,7 +288,7 @@ def _rebuilds(converter: Converter) -> dict[str, Callable[[Model], Model]]:
     more_s = _DEAD_TIME_LONGER * own_s
     found: dict[str, Callable[[Model], Model]] = {}
     if 0.0 < own_s + 2 * more_s < MOST_DEAD_TIME * float(converter.half_period_s):
-        longer = partial(_with_dead_time, own_s + more_s)
+        longer = partial(_with_more_dead_time, more_s)
         found[f"set {more_s * 1e9:.0f} ns more dead time and measure"] = longer
     return found | {"swap the analyzer's elements and measure": _with_elements_swapped}
 

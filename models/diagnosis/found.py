@@ -1,18 +1,20 @@
 """Runs the search, and once more without the rows that the leading cause brings close to the most they can carry."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.noise import ChannelNoise, estimate_noise
+from models.diagnosis.noise import ChannelNoise, estimate_noise, sigma_of
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import search
 from models.diagnosis.setting import FirstSight, Setting, set_up
 from models.diagnosis.usable import Usable
 from sim.model import Model
 
+_LAGGING = (0.0, 0.2, 1.0)  # of the heat that lags behind on a slow bench: what is tried
+_SLOW = 3.0  # in log likelihood: what says that parts do not settle
 _FAR_AHEAD = 50.0  # in log evidence on tangents: no other cause alone comes near
 
 
@@ -25,11 +27,21 @@ class Begun:
     sight: FirstSight
 
     @classmethod
-    def of(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise] | None = None) -> Self:
-        """The ``noise`` is that of these readings where none is given."""
-        observations, known = usable.observations, usable.known
-        noise = noise or estimate_noise(observations, observations.value - known.baseline)
-        return cls(usable=usable, noise=noise, sight=FirstSight.of(observations, baseline, known, noise))
+    def of(cls, usable: Usable, baseline: Model) -> Self:
+        """With heat that lags behind as far as replicates tell, or, without any, where all is likelier so."""
+        settled, *slow = [_lagging(usable, share) for share in _LAGGING]
+        if any(entry.scatter for entry in settled.noise):
+            best = max(slow, key=lambda each: each.log_likelihood)
+            chosen = best if best.log_likelihood > settled.log_likelihood + _SLOW else settled
+            return cls.in_noise(chosen.usable, baseline, chosen.noise)
+        tried = [cls.in_noise(each.usable, baseline, each.noise) for each in (settled, *slow)]
+        return max(tried, key=lambda begun: begun.sight.looked.log_evidence)
+
+    @classmethod
+    def in_noise(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise]) -> Self:
+        """The same in a noise that is known."""
+        sight = FirstSight.of(usable.observations, baseline, usable.known, noise)
+        return cls(usable=usable, noise=noise, sight=sight)
 
     @property
     def far_ahead(self) -> Fit | None:
@@ -47,7 +59,28 @@ class Begun:
         if usable is self.usable:
             return None
         names = [channel.name for channel in usable.observations.channels]
-        return Begun.of(usable, refinery.baseline, [n for n in self.noise if n.channel in names])
+        return Begun.in_noise(usable, refinery.baseline, [n for n in self.noise if n.channel in names])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lagging:
+    """Readings with some of the heat that lags behind, and their noise by replicates beside it."""
+
+    usable: Usable
+    noise: list[ChannelNoise]
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of all replicates together."""
+        return sum(entry.log_likelihood for entry in self.noise)
+
+
+def _lagging(usable: Usable, share: float) -> _Lagging:
+    """With such a share of what a slow bench has."""
+    observations, known = usable.observations, usable.known.lagging(share)
+    noise = estimate_noise(observations, observations.value - known.baseline, known.slow)
+    distinct = known.distinct(sigma_of(observations, noise))
+    return _Lagging(usable=replace(usable, known=distinct), noise=noise)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -143,7 +143,8 @@ def _kinds(readings: Readings) -> list[_Blocks]:
     time_s = np.asarray(p.time_s)
     if np.ptp(time_s[row][judged]) > 0:
         found["quarter of the time"] = parts(time_s, _PARTS)
-    return [_Blocks(name=name, place=place, judged=judged) for name, place in found.items()]
+    parted = {name: place for name, place in found.items() if np.ptp(place[judged]) > 0}
+    return [_Blocks(name=name, place=place, judged=judged) for name, place in parted.items()]
 
 
 def _over_each(share: tuple[list[_Blocks], Readings, tuple[Fit, Fit | None], int]) -> list[Gain]:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 LawErrors = Callable[[Effect], list[Array]]  # of an effect: relative errors (M,), one sigma each
 
 # Assumption: of a core's loss by one sigma, for so many K of the core, and again for their square
-_OF_WARMTH, _WARMTH_K = 0.2, 60.0
+OF_WARMTH, WARMTH_K = 0.2, 60.0
 _HOT = 2.0  # times what the core is simulated to lose: heat that it has more where the cause is large
 
 
@@ -56,5 +56,5 @@ def _core_C(part: str, near: Result, converter: Converter) -> Array:
 
 def _of_warmth(core_C: Array) -> list[Array]:
     """A straight line and a parabola over the temperature, without a level: that is in the value."""
-    warmth = (core_C - np.nanmean(core_C)) / _WARMTH_K
-    return [_OF_WARMTH * warmth, _OF_WARMTH * (warmth**2 - np.nanmean(warmth**2))]
+    warmth = (core_C - np.nanmean(core_C)) / WARMTH_K
+    return [OF_WARMTH * warmth, OF_WARMTH * (warmth**2 - np.nanmean(warmth**2))]

@@ -87,7 +87,8 @@ def left_open(refinery: Refinery, ahead: Ahead, fits: Sequence[Fit]) -> LeftOpen
     there = signatures(seen, refinery.baseline, among=effects, near=near, repeated=repeated)
     there = there.doubted(seen, known.doubt, known.others_doubt)
     accuracy = _Accuracy(refinery.observations, seen)
-    across = known.spreads.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
+    same = known.spreads[: len(there.spreads)]  # rows ahead are taken when all has settled
+    across = same.T @ there.spreads + accuracy.across(known.inaccuracy, there.inaccuracy)
     solved = refinery.geometry.whitener.solve(np.nan_to_num(across))
     common = there.spreads.T @ there.spreads + accuracy.ahead(there.inaccuracy) - across.T @ solved
     parts = slice(len(known.modes))

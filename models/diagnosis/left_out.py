@@ -38,7 +38,7 @@ def not_usable(frame: pd.DataFrame, first: Usable, kept: Observations) -> list[d
         for row in np.setdiff1d(first.observations.row, kept.row)
     }
     rows = [
-        {"row": row, "column": "P2_W", "value": float(frame.iloc[row]["P2_W"]), "reason": reason}
+        {"row": row, "column": "P2_W", "value": _finite(frame.iloc[row]["P2_W"]), "reason": reason}
         for row, reason in sorted(reasons.items())
     ]
     o = first.unpredicted
@@ -53,6 +53,11 @@ def _reading(observations: Observations, place: int, reason: str) -> dict[str, A
         "value": float(observations.value[place]),
         "reason": reason,
     }
+
+
+def _finite(value: float) -> float | None:
+    """A value for the JSON answer, which knows no NaN."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _near(margin: float, beside: str = "") -> str:

@@ -32,8 +32,9 @@ def missing_channel(
     for column in (c for c in _CHEAPEST_FIRST if c in columns):
         place = next(k for k, channel in enumerate(CHANNELS) if channel.column == column)
         alone = race.among(rows, [place])
+        everywhere = alone.altogether(measured)  # before any step is taken as measured
         steps, reached = alone.steps(most, _HOWEVER_LITTLE)
-        apart = np.maximum(reached, alone.altogether(measured))
+        apart = np.maximum(reached, everywhere)
         if np.max(apart) >= _WORTH_A_CHANNEL**2:
             found.append((float(weight @ np.minimum(apart, SEPARATED**2)), column, steps[0]))
     if not found:

@@ -37,14 +37,11 @@ def power_to_spare(observations: Observations, model: Model, least: float) -> ND
     return can_run(model, replace(p, power_W=p.power_W * (1 + least)))[observations.row]
 
 
-def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result | None]:
-    """Readings (M,) of rows with a :func:`margin`, and a reference of those where a process had time for it."""
+def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result]:
+    """Readings (M,) of rows with a :func:`margin`, and a reference of all rows."""
     spare_of = partial(power_to_spare, observations, baseline, margin(observations))
-    if observations.processes < 2:
-        return spare_of(), None
-    spare, near = at_once(spare_of, partial(observations.reference, baseline))
-    used = np.unique(observations.row)
-    return spare, near.take(np.searchsorted(used, np.unique(observations.row[spare])))
+    spare, of_all = at_once(spare_of, partial(observations.reference, baseline))
+    return spare, of_all
 
 
 def curvature(base: Array, more: Array, less: Array) -> Array:

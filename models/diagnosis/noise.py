@@ -1,12 +1,13 @@
 """Noise of each channel from replicates: rows at one set point, whatever else they are.
 
 Replicates in time order are differenced before they are squared (von Neumann, 1941), so that a drift does not
-pass for noise. With few of them the estimate is uncertain: what the best explanation leaves then corrects it,
-channel by channel, and readings that lie far off count less. Rows without load have a noise of their own, which is a
-share of the instrument's range.
+pass for noise; nor does heat that lags behind (:mod:`models.diagnosis.heat_lag`). With few of them the estimate is
+uncertain: what the best explanation leaves then corrects it, channel by channel, and readings that lie far off count
+less. Rows without load have a noise of their own, which is a share of the instrument's range.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import pandas as pd
@@ -28,6 +29,10 @@ _LEAST_A = 0.1  # of an rms current: below, noise is that of the range
 HOLDS = 0.01  # of the rated power: as far as a load that was set once may wander
 _LEAST = 0.1  # of the rated power: below, noise is that of the range
 _NEEDED = 4  # differences below which replicates say nothing
+_LEAST_SHARE, _TRIED = (
+    1e-3,
+    200,
+)  # of their rms: least noise that is looked for beside what is slow, in so many steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +41,7 @@ class ChannelNoise:
 
     ``idle`` is that of rows without load, in the channel's unit; 0 where none was read again. ``scatter`` is
     what the ``differences`` say without any margin; 0 where they are too few. ``excess_kurtosis`` and
-    ``autocorrelation`` are those of a single reading's noise.
+    ``autocorrelation`` are those of a single reading's noise. ``log_likelihood`` is that of the differences.
     """
 
     channel: str
@@ -47,6 +52,7 @@ class ChannelNoise:
     autocorrelation: float
     idle: float = 0.0
     scatter: float = 0.0
+    log_likelihood: float = 0.0
 
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
@@ -91,12 +97,12 @@ def _least_of(power: pd.Series, span: float) -> pd.Series:
 def _differences(
     observations: Observations, scaled: Array, name: str, groups: list[NDArray[np.intp]]
 ) -> list[Array]:
-    """Differences of successive replicates of ``scaled`` (M,), one sigma of noise each; an array per set point."""
+    """Differences (.., n) of successive replicates of ``scaled`` (.., M), one sigma of noise each; one a set point."""
     mask = observations.of(name)
-    by_row = np.full(len(observations.frame), np.nan)
-    by_row[observations.row[mask]] = scaled[mask]
-    steps = [np.diff(by_row[g]) / np.sqrt(2) for g in groups]
-    return [step[np.isfinite(step)] for step in steps]
+    by_row = np.full((*scaled.shape[:-1], len(observations.frame)), np.nan)
+    by_row[..., observations.row[mask]] = scaled[..., mask]
+    steps = [np.diff(by_row[..., g]) / np.sqrt(2) for g in groups]
+    return [step[..., np.all(np.isfinite(np.atleast_2d(step)), axis=0)] for step in steps]
 
 
 def scale_of(observations: Observations, name: str) -> Array:
@@ -112,38 +118,73 @@ def scale_of(observations: Observations, name: str) -> Array:
     return np.asarray(np.maximum(np.asarray(observations.points.power_W)[observations.row], least_W))
 
 
-def estimate_noise(observations: Observations, residual: Array) -> list[ChannelNoise]:
-    """The noise of every channel present, from the residuals (M,) of the baseline."""
+def estimate_noise(
+    observations: Observations, residual: Array, slow: Array | None = None
+) -> list[ChannelNoise]:
+    """The noise of every channel present, from the residuals (M,) of the baseline.
+
+    What ``slow`` directions (L, M), one sigma each, make of differences is no noise.
+    """
     groups, found = _groups(observations), []
     carrying = [g for g in groups if observations.loaded[g].all()]
     unloaded = [g for g in groups if not observations.loaded[g].any()]
+    both = residual[None] if slow is None else np.concatenate([residual[None], slow])
     for channel in observations.channels:
-        scaled = residual / scale_of(observations, channel.name)
+        scaled = both / scale_of(observations, channel.name)
         of_each = _differences(observations, scaled, channel.name, carrying)
-        steps = np.concatenate(of_each) if of_each else np.empty(0)
+        steps, *slower = np.concatenate(of_each, axis=1) if of_each else np.empty((len(both), 0))
         floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
-        n, scatter = steps.size, 0.0
-        if n >= _NEEDED:
-            scatter = float(np.sqrt(np.mean(steps**2)))
-            sigma = max(scatter * _upper(n), floor)
-            power = max(scatter**2, 1e-150)  # squared below: exact replicates have none
+        told = _Told.of(steps, np.array(slower))
+        if told.differences >= _NEEDED:
+            sigma = max(told.scatter * _upper(told.differences), floor)
+            power = max(float(np.mean(steps**2)), 1e-150)  # squared below: exact replicates have none
             kurtosis = 2.0 * (float(np.mean(steps**4)) / power**2 - 3.0)  # a difference has half of it
-            memory = _autocorrelation(of_each, power)
+            memory = _autocorrelation([each[0] for each in of_each], power)
         else:
             sigma, kurtosis, memory = _WITHOUT_REPLICATES.get(channel.name, 2 * channel.floor), 0.0, 0.0
+            told = replace(told, scatter=0.0)
         found.append(
             ChannelNoise(
                 channel=channel.name,
                 sigma=sigma,
                 proportional=channel.name in _PROPORTIONAL,
-                differences=n,
+                differences=told.differences,
                 excess_kurtosis=kurtosis,
                 autocorrelation=memory,
                 idle=_idle(_differences(observations, residual, channel.name, unloaded)),
-                scatter=scatter,
+                scatter=told.scatter,
+                log_likelihood=told.log_likelihood,
             )
         )
     return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    """The noise that differences tell, how many of them do, and their log likelihood."""
+
+    scatter: float
+    differences: int
+    log_likelihood: float
+
+    @classmethod
+    def of(cls, steps: Array, slow: Array) -> Self:
+        """The likeliest noise of steps (n,), beside ``slow`` directions (L, n) of one sigma each."""
+        rms = float(np.sqrt(np.mean(steps**2))) if steps.size else 0.0
+        if not np.any(slow) or not rms:
+            likely = -0.5 * steps.size * (2.0 * np.log(rms) + 1.0) if rms else 0.0
+            return cls(scatter=rms, differences=steps.size, log_likelihood=likely)
+        spread, axes = np.linalg.eigh(slow.T @ slow)
+        spread, squares = np.maximum(spread, 0.0), (axes.T @ steps) ** 2
+        tried = rms**2 * np.geomspace(_LEAST_SHARE**2, 1.0, _TRIED)[:, None]
+        likely = -0.5 * np.sum(np.log(spread + tried) + squares / (spread + tried), axis=1)
+        best = int(np.argmax(likely))
+        free = float(np.sum(tried[best] / (spread + tried[best])))
+        return cls(
+            scatter=float(np.sqrt(tried[best, 0])),
+            differences=round(free),
+            log_likelihood=float(likely[best]),
+        )
 
 
 def _upper(differences: int) -> float:

@@ -186,7 +186,7 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
         D2=np.where(standby, 0.0, column("D2", 0.0)),
         power_W=np.where(standby | idle, 0.0, column("P2_W", 0.0)),
         V1_V=V1,
-        V2_V=np.where(standby | (V2 < _DEAD_V), converter.V2_V, V2),
+        V2_V=np.where(standby | (idle & (V2 < _DEAD_V)), converter.V2_V, V2),
         ambient_C=column("T_ambient_C", _AMBIENT_C),
         time_s=column("time_s", 0.0),
         range_I1_A=column("range_I1_A", 0.0),

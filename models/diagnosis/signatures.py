@@ -1,6 +1,6 @@
 """Signatures: how every effect, and every everyday spread, moves the whole vector of readings."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Self
@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.common_mode import CommonModes
+from models.diagnosis.heat_lag import PARTS, Heated, History, heat_lags
 from models.diagnosis.inaccuracy import inaccuracy, of_laws
 from models.diagnosis.lines import Key, Lines, key_of
 from models.diagnosis.near_limit import curvature
-from models.diagnosis.observations import Observations
+from models.diagnosis.observations import CHANNELS, Observations
 from models.diagnosis.predictions import Predictions, Repeated, Variant, ending, read, table_of
 from models.diagnosis.rounding import step_of_output
 from models.diagnosis.thresholds import State
@@ -33,6 +34,7 @@ _SILENT = 1e-3  # over all readings, in their units: above the solver's toleranc
 _FOLD = 2e-3  # of a half period: ten times what a smooth D0 bends over them
 # Assumption: of a law's doubt over the whole map, where readings agree with it from place to place
 _STAYS = 0.5
+_FAINT = 1.0  # sigmas over all readings
 _LAG = 0.1  # of the step from the row before: what is left of it when a bench takes its heat for settled
 
 
@@ -69,7 +71,7 @@ class Signatures:
     """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
 
     The first directions are the ``modes`` of the converter's parts; then come the effects that have an everyday
-    tolerance of their own, by name, and the instruments.
+    tolerance of their own, by name, the instruments, and ``lags`` of heat that lags behind.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
     ``bends`` (q, M) are further directions, one sigma each, where efficiency is alone: what a link inductance off
     bends near the limit about the baseline; or, about a cause that leads, by what its slope differs and what it bends.
@@ -90,6 +92,7 @@ class Signatures:
     per_watt: Array
     inaccuracy: Array
     laws: Array
+    lags: int = 0
     doubt: float = 1.0
     others_doubt: float = 1.0
     rows: NDArray[np.intp] | None = None
@@ -112,6 +115,30 @@ class Signatures:
         whole_map = _STAYS * self.laws if doubt < _STAYS else self.laws[:0]
         less = np.concatenate([np.stack([share * smooth, share * at_edges, cut_short]), whole_map])
         return replace(self, inaccuracy=less, doubt=doubt, others_doubt=others)
+
+    @property
+    def slow(self) -> Array:
+        """The directions (L, M) of heat that lags behind."""
+        return self.spreads[len(self.spreads) - self.lags :]
+
+    def lagging(self, share: float) -> Self:
+        """The same with such a share of the heat that lags behind."""
+        rest = len(self.spreads) - self.lags
+        return replace(self, spreads=np.concatenate([self.spreads[:rest], share * self.slow]))
+
+    def distinct(self, sigma: Array) -> Self:
+        """The same with the fewest directions of lagging heat: those that move readings by a ``sigma`` (M,) in all."""
+        rest = len(self.spreads) - self.lags
+        _, lengths, axes = np.linalg.svd(self.slow / sigma, full_matrices=False)
+        kept = lengths > _FAINT
+        slow = lengths[kept, None] * axes[kept] * sigma
+        names = tuple(f"heat that lags behind, {k}" for k in range(1, len(slow) + 1))
+        return replace(
+            self,
+            spreads=np.concatenate([self.spreads[:rest], slow]),
+            spread_names=(*self.spread_names[:rest], *names),
+            lags=len(slow),
+        )
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that effects change together, (k,)."""
@@ -162,12 +189,13 @@ def signatures(
     among: Collection[str] | None = None,
     near: Result | None = None,
     repeated: Repeated | None = None,
+    history: History | None = None,
 ) -> Signatures:
     """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call.
 
     An effect that is left out as a cause still has its everyday tolerance. ``among`` are those that are asked for, all
     by default. ``near`` is a simulation of the rows with readings to start from. Rows that are ``repeated`` are not
-    simulated again where that is known.
+    simulated again where that is known. Without a ``history`` all rows have settled.
     """
     asked = Variants.of(observations, baseline, among)
     used, row = np.unique(observations.row, return_inverse=True)
@@ -194,8 +222,13 @@ def signatures(
         for s in every
         if is_everyday(s.entry, asked.spreads, s.other)
     }
-    everyday |= _instrument_spreads(observations, baseline.converter, per_watt)
+    everyday |= _instrument_spreads(observations, baseline.converter, base, per_watt)
     everyday |= {"measured V1": V1, "measured V2": V2}
+    lags = dict[str, Array]()
+    if history is not None:
+        cores = {f"T_{s.entry.core_of}_C": s.slope for s in every if s.entry.core_of}
+        lags = heat_lags(observations, history, _heated(asked, tables, moved.spreads - base, row, cores))
+    everyday |= lags
     modes = CommonModes.of(asked.spreads, baseline.converter)
     simulated = tables[: 1 + len(asked.effects) + len(asked.spreads)]
     state = State.of(observations.points.take(used), simulated, asked.usual())
@@ -210,12 +243,28 @@ def signatures(
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near, baseline.converter),
         laws=of_laws(observations, near),
+        lags=len(lags),
         rows=used,
         near=near,
         lines=lines,
         told=Predictions.of(used, asked.cases, tables).ending(list(at_end), last, end_s),
         state=state.spread(used, len(observations.frame)),
     )
+
+
+def _heated(
+    asked: Variants, tables: Sequence[Array], moved: Array, row: NDArray[np.intp], cores: Mapping[str, Array]
+) -> Iterator[Heated]:
+    """The parts whose temperature a spread sets; ``tables`` (C, N) are of variants, ``moved`` (K, M) of spreads.
+
+    ``cores`` are slopes (M,) over the relative loss of a core, by the channel of its temperature.
+    """
+    place = {channel.column: k for k, channel in enumerate(CHANNELS)}
+    for k, spread in enumerate(asked.spreads):
+        if (column := PARTS.get(spread.path)) is not None:
+            here_C, there_C = (t[place[column]] for t in (tables[0], tables[1 + len(asked.effects) + k]))
+            core = cores.get(column, 0.0)
+            yield Heated(column=column, step_K=(there_C - here_C)[row], moved=moved[k], core=core)
 
 
 def _imitates(signature: Signature, others: list[Signature]) -> bool:
@@ -256,7 +305,7 @@ def _errors_of_inputs(observations: Observations, moved: Array) -> tuple[tuple[A
 
 
 def _instrument_spreads(
-    observations: Observations, converter: Converter, per_watt: Array
+    observations: Observations, converter: Converter, expected: Array, per_watt: Array
 ) -> dict[str, Array]:
     """One-sigma directions of what instruments inside their specification may be off by, (M,) by name.
 
@@ -274,7 +323,7 @@ def _instrument_spreads(
     table = {
         "analyzer port 2 offset": offset_W * per_watt,
         "analyzer port 2 gain": np.where(efficiency, 0.0, dc * power * per_watt),  # there it is analyzer_gain
-        "ac current gain": np.where(observations.of("I_L_rms_A"), ac * np.abs(observations.value), 0.0),
+        "ac current gain": np.where(observations.of("I_L_rms_A"), ac * np.abs(expected), 0.0),
     }
     for link in ("P_link1_W", "P_link2_W"):
         table[f"{link} gain"] = np.where(observations.of(link), ac * power, 0.0)

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from models.dataset import Measurements
+from models.diagnosis.heat_lag import History
 from models.diagnosis.held import held
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.near_limit import (
@@ -28,6 +29,7 @@ from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_se
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures, signatures
 from sim.model import Model
+from sim.parameters import ParameterError
 
 LEAST_ROWS = 12
 LEAST_SET_POINTS = 6  # Assumption: fewer do not tell even what one effect does over D1, D2 and power
@@ -144,22 +146,31 @@ def usable_readings(
         Too few rows are left that the model can carry with some power to spare.
     ImplausibleTable
         Set points that the model cannot run, or temperatures in degrees Fahrenheit.
+    ParameterError
+        None of the effects would show in these rows.
     """
-    spare, near = first_looks(whole, baseline)
+    spare, of_all = first_looks(whole, baseline)
     if np.mean(spare) < _CARRIED:
         check_set_points(whole, baseline)
     observations, edge = whole.take(spare), whole.take(~spare)
-    near = near or observations.reference(baseline)
+    near = of_all.take(np.searchsorted(np.unique(whole.row), np.unique(observations.row)))
     expected = observations.predicted(near)
     wrong, whole_columns = implausible(observations, expected)
     stuck, stretches = held(observations, expected, rows)
-    alone = whole.without(column.column for column in whole_columns)
+    refused = [column.column for column in whole_columns]
+    alone = whole.without(refused).mistrusting(refused)
     if alone.efficiency_alone and not whole.efficiency_alone:  # rows count to nearer the limit then
         again = usable_readings(alone, baseline, without, rows)
         return replace(again, rejected_columns=[*whole_columns, *again.rejected_columns])
     rejected = [*whole_columns, *stretches]
     observations, edge = (o.mistrusting(c.column for c in rejected) for o in (observations, edge))
-    known = signatures(observations, baseline, without, near=near)
+    history = History.of(whole, of_all)
+    known = signatures(observations, baseline, without, near=near, history=history)
+    if not known.effects:
+        raise ParameterError(
+            "none of the effects that are left would show in this table: leave fewer of them out, or measure rows that "
+            "they change"
+        )
     sound, predicted = ~(wrong | stuck), known.finite()
     kept, unpredicted = sound & predicted, observations.take(sound & ~predicted)
     observations, known = observations.take(kept).in_use(), known.take(kept)

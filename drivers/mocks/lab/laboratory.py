@@ -29,7 +29,6 @@ from sim.steady_state import Circuit
 Array = NDArray[np.float64]
 
 AMBIENT_C = 25.0
-_HEATSINK_S, _INDUCTOR_S, _TRANSFORMER_S = 40.0, 60.0, 80.0  # thermal time constants
 DRIFT_S = 6 * 3600.0  # a slow part of the lab warms with this time constant
 _SETTLING_ROUNDS = 8
 _STILL_K = 2e-3  # a sensor shows tenths
@@ -56,6 +55,15 @@ class Electrical:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Inertia:
+    """Thermal time constants: of a bench whose rows settle, unless told otherwise."""
+
+    heatsink_s: float = 40.0
+    inductor_s: float = 60.0
+    transformer_s: float = 80.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Laboratory:
     """What one seed drew; ``foreign`` are the effects in it that no catalogue has."""
 
@@ -64,6 +72,7 @@ class Laboratory:
     errors: InstrumentErrors
     hidden: dict[str, float]
     foreign: tuple[ForeignEffect, ...] = ()
+    inertia: Inertia = Inertia()
 
     @classmethod
     def draw(
@@ -240,9 +249,9 @@ class Laboratory:
 
         return self._with_junctions(
             losses,
-            lag(heat.heatsink_C, end.heatsink_C, _HEATSINK_S),
-            lag(heat.inductor_C, end.inductor_C, _INDUCTOR_S),
-            lag(heat.transformer_C, end.transformer_C, _TRANSFORMER_S),
+            lag(heat.heatsink_C, end.heatsink_C, self.inertia.heatsink_s),
+            lag(heat.inductor_C, end.inductor_C, self.inertia.inductor_s),
+            lag(heat.transformer_C, end.transformer_C, self.inertia.transformer_s),
         )
 
     def cooled(self, heat: Heat, ambient_C: Array, elapsed_s: float) -> Heat:
@@ -251,11 +260,11 @@ class Laboratory:
         def lag(now: Array, time_constant_s: float) -> Array:
             return np.asarray(ambient_C + (now - ambient_C) * np.exp(-elapsed_s / time_constant_s))
 
-        heatsink = lag(heat.heatsink_C, _HEATSINK_S)
+        heatsink = lag(heat.heatsink_C, self.inertia.heatsink_s)
         return Heat(
             heatsink_C=heatsink,
-            inductor_C=lag(heat.inductor_C, _INDUCTOR_S),
-            transformer_C=lag(heat.transformer_C, _TRANSFORMER_S),
+            inductor_C=lag(heat.inductor_C, self.inertia.inductor_s),
+            transformer_C=lag(heat.transformer_C, self.inertia.transformer_s),
             **{f"{kind}_C": heatsink for kind in ("outer", "inner", "clamp", "secondary")},
         )
 
@@ -296,9 +305,9 @@ class Laboratory:
 
         return self._with_junctions(
             losses,
-            lag(end.heatsink_C, _HEATSINK_S),
-            lag(end.inductor_C, _INDUCTOR_S),
-            lag(end.transformer_C, _TRANSFORMER_S),
+            lag(end.heatsink_C, self.inertia.heatsink_s),
+            lag(end.inductor_C, self.inertia.inductor_s),
+            lag(end.transformer_C, self.inertia.transformer_s),
         )
 
 

@@ -163,7 +163,7 @@ def _in_order(lab: Laboratory, plan: Schedule, settled: Settled) -> tuple[Electr
     D1, D2 = _applied(plan)
     truth, end = settled.truth, settled.heat
     ambient = lab.ambient_C(plan.time_s) + 0.0 * plan.power_W
-    off = plan.kind == "standby"
+    off = (plan.kind == "standby") | ~truth.running  # what cannot run is switched off at once
     end = Heat(**{f.name: np.where(off, ambient, getattr(end, f.name)) for f in fields(Heat)})
     heat = lab.lagging(end, truth.losses, ambient, POINT_S)
     demand = lab.demand(D1, D2, plan.power_W, np.full(D1.size, plan.supply_V))

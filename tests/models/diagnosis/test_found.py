@@ -113,7 +113,7 @@ def test_what_was_far_ahead_and_does_not_lead_leaves_no_row_out(
     wrong = wrong.moved(np.array([0.12 - wrong.terms[0].value]))
     monkeypatch.setattr(Begun, "far_ahead", wrong)
     found = find(usable, BASELINE, lambda _: None)
-    assert found.begun.usable is usable
+    assert found.begun.usable.observations is usable.observations
     assert [fit.effects for fit in searched] == [("link_resistance",)] * 2
 
 

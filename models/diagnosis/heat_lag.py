@@ -1,0 +1,119 @@
+r"""Heat that lags behind: windings and heatsinks take minutes to half an hour to settle, rows often less.
+
+A part with the time constant :math:`\tau` whose rows would settle at :math:`T_k`, measured one after the other, is at
+
+.. math:: \vartheta_k = T_k + (\vartheta_{k-1} - T_k)\, e^{-(t_k - t_{k-1}) / \tau}
+
+and its readings are off by their slope over the part's temperature times :math:`\vartheta_k - T_k`. No bench tells its
+time constants, so a few of them together are one everyday spread each, and so is a part that was cold, or hot, at the
+start. What a temperature does to losses is known to a third, and in a core to no more than its sign
+(:mod:`models.diagnosis.law_errors`). On a bench whose parts settle within their rows all this says nothing: replicates
+tell how much of it there is.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.law_errors import OF_WARMTH, WARMTH_K
+from models.diagnosis.observations import Observations
+from sim.simulate import Result
+
+Array = NDArray[np.float64]
+
+PARTS = {
+    "heatsink_K_per_W": "T_heatsink_C",
+    "inductor.thermal_K_per_W": "T_inductor_C",
+    "transformer.thermal_K_per_W": "T_transformer_C",
+}  # the channel of the temperature that a spread at this path sets
+TIME_CONSTANTS_S = (240.0, 900.0, 3600.0)
+_SHARE = 0.5  # of a part's heat that lags so on a slow bench, one sigma
+_LAW = 0.3  # of what a part's temperature does to losses, one sigma
+_LEAST_K = 0.3  # of a spread: a row that it moves by less tells no slope
+
+
+def lag_K(settled_C: Array, time_s: Array, time_constant_s: float) -> Array:
+    """How far a part is above where each row would settle, (N,); the first row in time has settled.
+
+    >>> lag_K(np.array([80.0, 40.0, 40.0]), np.array([0.0, 60.0, 120.0]), 60.0).round(1).tolist()
+    [0.0, 14.7, 5.4]
+    """
+    above, order = np.zeros(settled_C.size), np.argsort(time_s, kind="stable")
+    order = order[np.isfinite(settled_C[order])]
+    for before, row in pairwise(order.tolist()):
+        kept = np.exp(-(time_s[row] - time_s[before]) / time_constant_s)
+        above[row] = (settled_C[before] + above[before] - settled_C[row]) * kept
+    return above
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class History:
+    """The ``rows`` (N,) of a table by which parts were heated, also those near the limit that nothing else goes by.
+
+    ``time_s`` is when each was measured, ``settled_C`` where each part's temperature would settle, (N,) by its channel,
+    and ``rise_K`` how far, on average, that is above the room.
+    """
+
+    rows: NDArray[np.intp]
+    time_s: Array
+    settled_C: Mapping[str, Array]
+    rise_K: Mapping[str, float]
+
+    @classmethod
+    def of(cls, observations: Observations, near: Result) -> Self:
+        """Of all rows with readings, by their simulation ``near``."""
+        rows = np.unique(observations.row)
+        points = observations.points.take(rows)
+        settled_C = {column: np.asarray(near[column]) for column in PARTS.values()}
+        rise_K = {k: float(np.nan_to_num(np.nanmean(t - points.ambient_C))) for k, t in settled_C.items()}
+        return cls(rows=rows, time_s=np.asarray(points.time_s), settled_C=settled_C, rise_K=rise_K)
+
+    def above_K(self, column: str, time_constant_s: float) -> tuple[Array, Array]:
+        """How far a part of such a time constant is above where rows would settle, (N,): by rows before, by the start.
+
+        The start is one that is as far from the first row as rows are from the room.
+        """
+        if np.ptp(self.time_s) <= 0.0:
+            return np.zeros(self.rows.size), np.zeros(self.rows.size)
+        since_s = self.time_s - np.min(self.time_s)
+        start_K = self.rise_K[column] * np.exp(-since_s / time_constant_s)
+        return lag_K(self.settled_C[column], self.time_s, time_constant_s), start_K
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heated:
+    """A part whose temperature a spread moves: its channel, by how many K at each reading (M,), and the reading (M,).
+
+    ``core`` (M,) is what readings move by where its core loses twice what it is simulated to; 0 where it has none.
+    """
+
+    column: str
+    step_K: Array
+    moved: Array
+    core: Array | float = 0.0
+
+    def per_K(self, observations: Observations) -> Array:
+        """What each reading (M,) moves by for one kelvin of the part."""
+        step_K = np.nan_to_num(self.step_K)
+        slope = np.nan_to_num(self.moved) * step_K / (step_K**2 + _LEAST_K**2)
+        return np.where(observations.of(self.column), 1.0, slope)
+
+
+def heat_lags(observations: Observations, history: History, parts: Iterable[Heated]) -> dict[str, Array]:
+    """One-sigma directions (M,) by name: of each part by all of its time constants, and of what its heat does."""
+    place = np.searchsorted(history.rows, observations.row)
+    sensed = np.any([observations.of(column) for column in PARTS.values()], axis=0)
+    found = dict[str, Array]()
+    for part in parts:
+        per_K = _SHARE * part.per_K(observations)
+        warmth = _LAW * np.where(sensed, 0.0, per_K), OF_WARMTH / WARMTH_K * np.nan_to_num(part.core)
+        for time_constant_s in TIME_CONSTANTS_S:
+            before_K, start_K = (k[place] for k in history.above_K(part.column, time_constant_s))
+            name = f"{part.column} {time_constant_s:.0f} s behind"
+            found |= {name: per_K * before_K, f"{name} from the start": per_K * start_K}
+            found |= {f"{name}, losses": warmth[0] * before_K, f"{name}, core": warmth[1] * before_K}
+    return {name: direction for name, direction in found.items() if np.any(direction)}
