@@ -116,6 +116,10 @@ class Signatures:
         less = np.concatenate([np.stack([share * smooth, share * at_edges, cut_short]), whole_map])
         return replace(self, inaccuracy=less, doubt=doubt, others_doubt=others)
 
+    def leaving_out(self, effects: Collection[str]) -> Self:
+        """The same without these effects as causes; what they have of an everyday tolerance stays."""
+        return replace(self, effects=tuple(s for s in self.effects if s.effect not in effects))
+
     @property
     def slow(self) -> Array:
         """The directions (L, M) of heat that lags behind."""
@@ -184,7 +188,6 @@ def _own_spreads(names: tuple[str, ...], spread_names: tuple[str, ...]) -> NDArr
 def signatures(
     observations: Observations,
     baseline: Model,
-    without: Collection[str] = (),
     *,
     among: Collection[str] | None = None,
     near: Result | None = None,
@@ -193,9 +196,9 @@ def signatures(
 ) -> Signatures:
     """Simulate the baseline, every effect at a small step, and every spread at one sigma, in one call.
 
-    An effect that is left out as a cause still has its everyday tolerance. ``among`` are those that are asked for, all
-    by default. ``near`` is a simulation of the rows with readings to start from. Rows that are ``repeated`` are not
-    simulated again where that is known. Without a ``history`` all rows have settled.
+    ``among`` are the effects that are asked for, all by default. ``near`` is a simulation of the rows with readings to
+    start from. Rows that are ``repeated`` are not simulated again where that is known. Without a ``history`` all rows
+    have settled.
     """
     asked = Variants.of(observations, baseline, among)
     used, row = np.unique(observations.row, return_inverse=True)
@@ -234,7 +237,7 @@ def signatures(
     state = State.of(observations.points.take(used), simulated, asked.usual())
     return Signatures(
         baseline=base,
-        effects=tuple(s for s in every if s.effect not in without and not _imitates(s, every)),
+        effects=tuple(s for s in every if not _imitates(s, every)),
         modes=modes,
         spread_names=(*modes.names, *everyday),
         spreads=np.concatenate([modes.axes @ (moved.spreads - base), np.stack(list(everyday.values()))]),

@@ -165,7 +165,7 @@ def usable_readings(
     rejected = [*whole_columns, *stretches]
     observations, edge = (o.mistrusting(c.column for c in rejected) for o in (observations, edge))
     history = History.of(whole, of_all)
-    known = signatures(observations, baseline, without, near=near, history=history)
+    known = signatures(observations, baseline, near=near, history=history).leaving_out(without)
     if not known.effects:
         raise ParameterError(
             "none of the effects that are left would show in this table: leave fewer of them out, or measure rows that "

@@ -106,7 +106,7 @@ def test_a_threshold_that_no_reading_crosses_is_no_candidate(
 
 def test_what_is_left_out_has_no_signature(observations: Observations) -> None:
     few = observe(observations.frame.head(3), prototype())
-    found = {s.effect for s in signatures(few, Model.baseline(), frozenset({"skin_effect"})).effects}
+    found = {s.effect for s in signatures(few, Model.baseline()).leaving_out({"skin_effect"}).effects}
     smooth = {name for name, entry in CATALOGUE.items() if not entry.threshold}
     assert found & smooth == smooth - {"skin_effect"}
 
