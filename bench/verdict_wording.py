@@ -150,5 +150,6 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
         return "; ".join(filter(None, ["Something is wrong that efficiency alone does not tell", told]))
     if verdict == "unknown" and sure:
         explain = "explains" if len(sure) == 1 else "explain"
-        return f"More is wrong than {join([effect_name(name) for name in sure])} {explain}, and no known cause is it"
+        told = f"{join([effect_name(name) for name in sure])} {explain} a part of the gap"
+        return f"{told[0].upper()}{told[1:]}; no known cause explains the rest"
     return VERDICTS.get(verdict, verdict)

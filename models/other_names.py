@@ -40,7 +40,7 @@ _ALSO_CALLED = {
         "t_kühlkörper",
     ),
     "kind": ("row_kind", "art", "zeilenart"),
-    "T_ambient_C": ("ambient", "ambient_temperature", "umgebung", "umgebungstemperatur"),
+    "T_ambient_C": ("ambient", "ambient_temperature", "t_umgebung", "umgebung", "umgebungstemperatur"),
 }  # fmt: skip
 
 
@@ -191,6 +191,8 @@ def units_below(raw: pd.DataFrame) -> dict[str, str]:
 
     >>> units_below(pd.DataFrame({"No": ["", "1"], "P1": ["kW", "0.6"], "ETA1": ["%", "98.1"]}))
     {'P1': 'kW', 'ETA1': '%'}
+    >>> units_below(pd.DataFrame({"P1": ["[kW]", "0.6"]}))
+    {'P1': 'kW'}
     >>> units_below(pd.DataFrame({"range": ["h"], "P1": ["0.6"]}))
     {}
     """
@@ -198,7 +200,8 @@ def units_below(raw: pd.DataFrame) -> dict[str, str]:
     words = first[first.ne("")]
     if pd.to_numeric(words.str.replace(",", "."), errors="coerce").notna().any():
         return {}
-    return {str(column): unit for column, unit in words.items() if unit in _UNITS}
+    units = {str(column): str(word).strip("[]() ") for column, word in words.items()}
+    return {column: unit for column, unit in units.items() if unit in _UNITS}
 
 
 def as_option(ours: str, theirs: str, below: str | None = None) -> str:

@@ -24,7 +24,10 @@ KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", "kind", "settled", "qualit
 
 GOOD = "good"
 NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
-KILOWATT_LIMIT = 10.0  # W: no loaded point is measured below it, and 0.2 to 2 is a power written in kW
+KILOWATT_LIMIT = (
+    10.0  # W: 0.2 to 2 is a power written in kW; a converter of some 100 W has light loads below it
+)
+_KILO_APART = 200.0  # between the largest load and the smallest: more is a unit's thousand
 ABSOLUTE_ZERO_C = -273.15
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
 MOST_APART_S = 86_400.0  # between rows of a campaign: more are milliseconds
@@ -65,6 +68,12 @@ def _not_finite(column: str) -> Callable[[pd.DataFrame], pd.Series]:
     return lambda frame: ~(frame[column].abs() < NO_DATA)
 
 
+def _least_likely_W(power: pd.Series) -> float:
+    """The power below which a row is rather in kilowatts: far below the largest, or any where all rows are so small."""
+    largest = float(power.where(power < NO_DATA).max())
+    return largest / _KILO_APART if largest >= KILOWATT_LIMIT else np.inf
+
+
 def _outside_unit(column: str) -> Callable[[pd.DataFrame], pd.Series]:
     return lambda frame: ~frame[column].between(0.0, 1.0)
 
@@ -97,7 +106,7 @@ CHECKS = (
     Check(
         "P2_W",
         f"below 10 W: this looks like kilowatts; powers are in W, and {_in_factor('P2_W', '1000')}, P1_W alike",
-        lambda f: f["P2_W"] < KILOWATT_LIMIT,
+        lambda f: (f["P2_W"] < KILOWATT_LIMIT) & (f["P2_W"] < _least_likely_W(f["P2_W"])),
     ),
     Check(
         "efficiency",

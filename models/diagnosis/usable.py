@@ -82,6 +82,13 @@ class Usable:
         )
 
 
+def _few(left: int, loaded: int) -> str:
+    """What to do where so many of the loaded rows are too few."""
+    if left < loaded / 2:
+        return "Is the model file that of this converter?"
+    return "Measure more rows, further from the most that D1 and D2 can carry"
+
+
 def _link_inductance(known: Signatures, fit: Fit) -> int | None:
     """Which part the link inductance is, where it is none that a fit has as a cause."""
     own = {known.spread_names[k] for k in fit.own(known)}
@@ -176,8 +183,8 @@ def usable_readings(
     observations, known = observations.take(kept).in_use(), known.take(kept)
     if (left := _rows_left(observations)) < LEAST_ROWS:
         raise TooFewPoints(
-            f"{left} rows that the model can carry with some power to spare; a diagnosis needs at least "
-            f"{LEAST_ROWS}. Is the model file that of this converter?"
+            f"{left} of {int(whole.loaded.sum())} loaded rows are ones that the model can carry with some power to "
+            f"spare; a diagnosis needs at least {LEAST_ROWS}. " + _few(left, int(whole.loaded.sum()))
         )
     return Usable(
         observations=observations,

@@ -213,7 +213,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         parameters=(_one("relative_error", "1", 4e-4, 5e-3, -0.05, 0.05),),
         law=0.01,
         says="the analyzer's two dc ports disagree in proportion: calibration, range or wiring",
-        check_on_bench="swap the two elements and measure the same point again",
+        check_on_bench="swap the two elements and measure the same point again: an error of theirs changes its sign",
     ),
     AnalyzerOffset(
         name="analyzer_offset",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -27,12 +27,36 @@ def _replaced(old: Any, value: float) -> Any:
     return value
 
 
+_OF_WHAT_THERE_IS = (
+    0.7  # what a parameter may be short by: a part at three sigmas of its tolerance has it too
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterEffect(Effect):
     """Changes the parameters at ``paths`` (dotted) by ``change(old, value)``; a converter need not have all of them."""
 
     paths: tuple[str, ...]
     change: Callable[[Any, float], Any]
+
+    def at(self, converter: Converter) -> Self:
+        """The effect as a converter has it: nothing is searched that would take more of a parameter than there is."""
+        sized = Effect.at(
+            self, converter
+        )  # a class with slots is made anew: super() would look for the old one
+        head, there = (
+            sized.headline,
+            [path.split(".") for path in self.paths if _has(converter, path.split("."))],
+        )
+        if self.change is not _added or head.lower >= 0.0 or not there:
+            return sized
+        try:
+            sized.converter(converter, {head.name: head.lower})
+        except ParameterError:
+            least = min(float(_value_at(converter, path)) for path in there)
+            bounded = replace(head, lower=max(head.lower, 0.0 - _OF_WHAT_THERE_IS * least))
+            return replace(sized, parameters=(bounded, *sized.parameters[1:]))
+        return sized
 
     @property
     def replaces(self) -> tuple[str, ...]:
@@ -62,6 +86,10 @@ class ParameterEffect(Effect):
 
 def _has(owner: Any, path: list[str]) -> bool:
     return not path or (hasattr(owner, path[0]) and _has(getattr(owner, path[0]), path[1:]))
+
+
+def _value_at(owner: Any, path: list[str]) -> Any:
+    return _value_at(getattr(owner, path[0]), path[1:]) if path else owner
 
 
 def _replace_at(owner: Any, path: list[str], change: Callable[[Any, float], Any], value: float) -> Any:
@@ -235,7 +263,7 @@ SCALINGS: tuple[Effect, ...] = (
             "stray inductance, tail current"
         ),
         check_on_bench=(
-            "double-pulse test of the primary leg at half the dc link, or change the gate resistor and "
+            "double-pulse test of the primary leg at the voltage that it switches, or change the gate resistor and "
             "re-measure"
         ),
     ),

@@ -27,6 +27,16 @@ def test_efficiency_and_input_power_are_worked_out_from_each_other():
     assert from_efficiency.frame["P1_W"][0] == pytest.approx(625.0)
 
 
+def test_light_loads_of_a_small_converter_are_in_watts():
+    small = table({"P2_W": 90.0, "P1_W": 95.0}, {"P2_W": 2.0, "P1_W": 3.0}, {"P2_W": 9.0, "P1_W": 10.0})
+    assert len(load_measurements(small).rejected) == 0
+
+
+def test_a_table_in_kilowatts_throughout_is_said_to_be():
+    with pytest.raises(DatasetError, match=r"none of 2 rows .* kilowatts"):
+        load_measurements(table({"P2_W": 0.6, "P1_W": 0.61}, {"P2_W": 1.2, "P1_W": 1.23}))
+
+
 @pytest.mark.parametrize(
     ("row", "column", "reason"),
     [

@@ -8,10 +8,14 @@ import pytest
 
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
-from models.diagnosis.usable import LEAST_ROWS, LEAST_SET_POINTS, TooFewPoints
+from models.diagnosis.observations import observe
+from models.diagnosis.usable import LEAST_ROWS, LEAST_SET_POINTS, TooFewPoints, usable_readings
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
+from sim.operating_points import Points
 from sim.parameters import ParameterError
+from sim.prototype import prototype
+from sim.simulate import can_run
 from tests.models.diagnosis.virtual_campaign import lab_campaign, simulated_campaign
 
 RESISTANCE_Ohm = 0.1
@@ -39,6 +43,48 @@ def test_too_few_rows_are_refused_with_the_number_needed() -> None:
     frame = simulated_campaign(Model.baseline(), seed=2, count=LEAST_ROWS - 4)
     with pytest.raises(TooFewPoints, match=f"at least {LEAST_ROWS}"):
         diagnose(load_measurements(frame.head(LEAST_ROWS - 1)))
+
+
+def test_rows_near_the_limit_of_the_right_converter_do_not_accuse_its_model_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("models.diagnosis.near_limit._SPARE", 0.3)
+    frame = simulated_campaign(Model.baseline(), seed=2, count=40).drop_duplicates(subset=["D1", "D2"])
+    spare = can_run(Model.baseline(), Points(D1=frame["D1"], D2=frame["D2"], power_W=1.3 * frame["P2_W"]))
+    few = pd.concat([frame[spare].head(LEAST_ROWS - 1), frame[~spare].head(4)])
+    with pytest.raises(TooFewPoints, match=r"11 of 15 loaded rows .* further from the most"):
+        diagnose(load_measurements(few))
+
+
+def test_a_row_without_a_power_is_listed_as_one_in_json() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=2, count=40)
+    stuck = {
+        "kind": "no_load",
+        "D1": 0.995,
+        "D2": 0.0,
+        "P1_W": 12.0,
+        "time_s": 1e5,
+    }  # a pulse inside the dead time
+    answer = diagnose(load_measurements(pd.concat([frame, pd.DataFrame([stuck])]))).as_plain()
+    values = {row["row"]: row["value"] for row in answer["rejected_rows"]}
+    assert values[len(frame) + 1] is None
+    json.dumps(answer, allow_nan=False)
+
+
+def test_a_table_in_which_no_effect_shows_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("models.diagnosis.signatures._imitates", lambda signature, others: True)
+    with pytest.raises(ParameterError, match="none of the effects that are left would show"):
+        diagnose(load_measurements(simulated_campaign(Model.baseline(), seed=2, count=40)))
+
+
+def test_a_refused_heatsink_does_not_tell_when_the_fan_runs() -> None:
+    frame = simulated_campaign(Model.baseline(), seed=2, count=40)[
+        ["kind", "time_s", "D1", "D2", "P1_W", "P2_W"]
+    ]
+    stuck = observe(load_measurements(frame.assign(T_heatsink_C=45.0)).frame, prototype())
+    usable = usable_readings(stuck, Model.baseline(), frozenset(), range(1, len(stuck.frame) + 1))
+    assert [c.column for c in usable.rejected_columns] == ["T_heatsink_C"]
+    assert np.all(np.isnan(usable.observations.points.seen_heatsink_C))
 
 
 def test_replicates_of_few_set_points_are_refused() -> None:

@@ -129,6 +129,20 @@ def test_what_does_not_vary_has_no_blocks() -> None:
     assert [gain.blocks for gain in gains_of(NOISE)] == ["power band", "quarter of the time"]
 
 
+def test_what_lies_in_one_block_alone_is_not_held_out() -> None:
+    seen = campaign(NOISE)
+    steady = replace(seen, points=replace(seen.points, power_W=np.full(60, 1000.0)))
+    readings = Readings(
+        observations=steady,
+        residual=NOISE,
+        counts=ALL,
+        covariance=Covariance.whole(NOISE_W**2 * np.eye(60)),
+        leftover=np.ones((1, 60)),
+    )
+    cause = fit_of("link_resistance", RESISTANCE_Ohm * GROWING, slope=GROWING, value=RESISTANCE_Ohm)
+    assert [gain.blocks for gain in held_out_gains(readings, cause, None, seed=0)] == ["quarter of the time"]
+
+
 def test_held_out_time_is_predicted_from_other_times_only() -> None:
     late_W = 5.0 * (np.arange(60) >= 45)  # in the last quarter, at random powers
     bands, quarters = gains_of(late_W)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from models.dataset import load_measurements
-from models.diagnosis.bench_options import bench_options
+from models.diagnosis.bench_options import _rebuilds, bench_options
 from models.diagnosis.diagnose import diagnose
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.next_measurement import MOST_STEPS, next_measurements, rivals_of
@@ -144,6 +144,12 @@ def test_more_dead_time_goes_by_the_converters_own_and_stays_allowed(
     said = [o.action for o in options.what if "dead time" in o.action]
     assert [s.split()[1] for s in said] == ([] if proposed is None else [proposed])
     assert len(options.what) == options.readings.shape[1] == len(options.sigma)
+
+
+def test_more_dead_time_is_more_of_each_explanations_own() -> None:
+    longer, *_ = _rebuilds(prototype()).values()
+    own = replace(prototype(), dead_time_s=424e-9)  # a part off by its spread
+    assert longer(Model(converter=own)).converter.dead_time_s == pytest.approx(624e-9, rel=1e-12)  # rounding
 
 
 def efficiency_alone() -> pd.DataFrame:

@@ -90,9 +90,10 @@ def test_an_efficiency_that_never_changes_is_refused(frame: pd.DataFrame, column
         check_inputs(observe(frame.assign(**{column: value}), prototype()), prototype())
 
 
-def test_voltages_in_kilovolts_are_refused(frame: pd.DataFrame) -> None:
-    with pytest.raises(ImplausibleTable, match=r"V1_V: median 0\.3.*another unit"):
-        check_inputs(observe(frame.assign(V1_V=0.3), prototype()), prototype())
+@pytest.mark.parametrize(("column", "value"), [("V1_V", 0.3), ("V2_V", 0.14)])
+def test_voltages_in_kilovolts_are_refused(frame: pd.DataFrame, column: str, value: float) -> None:
+    with pytest.raises(ImplausibleTable, match=rf"{column}: median {value}.*another unit"):
+        check_inputs(observe(frame.assign(**{column: value}), prototype()), prototype())
 
 
 def test_exchanged_duty_ratios_are_refused_with_the_hint(frame: pd.DataFrame) -> None:

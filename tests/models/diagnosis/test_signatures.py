@@ -142,3 +142,13 @@ def test_every_bench_warms_up_a_little_on_a_straight_line(known: Signatures) -> 
         known.spreads[known.spread_names.index("warm_up_drift")],
         straight.entry.headline.tolerance * straight.slope,
     )
+
+
+def test_the_current_of_readings_ahead_is_as_wrong_as_that_of_measured_ones(
+    observations: Observations, known: Signatures
+) -> None:
+    ahead = replace(observations, value=np.ones(observations.value.size))  # what nobody has read yet
+    place = known.spread_names.index("ac current gain")
+    expected = signatures(ahead, Model.baseline()).spreads[place]
+    assert np.max(expected) > 3e-3  # A: of some amperes
+    np.testing.assert_allclose(known.spreads[place], expected, rtol=1e-12)  # rounding

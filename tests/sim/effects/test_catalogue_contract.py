@@ -10,7 +10,9 @@ from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
 from sim.parameters import Converter, ParameterError, leaves
+from sim.prototype import prototype
 from sim.simulate import Points, Result, simulate, simulate_many
+from sim.spread import everyday_spread
 
 STAGES = {
     "circuit": {
@@ -266,3 +268,19 @@ def test_a_short_dead_time_is_shortened_to_nothing_at_most():
     shorter = Model(converter=fast).with_effect("dead_time", error_s=-250e-9)
     result = simulate(shorter, Points(D1=0.9, D2=0.1, power_W=700.0))
     assert np.isfinite(result["P1_W"]).all()
+
+
+@pytest.mark.parametrize("threshold_V", [0.0, 0.3])
+def test_a_saturation_voltage_is_searched_no_further_than_there_is_one(threshold_V: float) -> None:
+    """Beside parts at three sigmas as well: a switch with next to no threshold ended a diagnosis."""
+    inner = replace(
+        prototype().primary.inner, on=replace(prototype().primary.inner.on, threshold_V=threshold_V)
+    )
+    small = replace(prototype(), primary=replace(prototype().primary, inner=inner))
+    entry = effect("igbt_saturation_voltage").at(small)
+    assert -threshold_V <= entry.headline.lower <= -0.5 * threshold_V
+    spread = next(s for s in everyday_spread(small) if s.path == "primary.inner.on.threshold_V")
+    weak = spread.shifted(small, -3.0)
+    lowest = entry.converter(weak, {"voltage_V": entry.headline.lower})
+    assert 0.0 <= lowest.primary.inner.on.threshold_V < 0.5 * threshold_V + 1e-12
+    assert effect("igbt_saturation_voltage").at(prototype()) is effect("igbt_saturation_voltage")
