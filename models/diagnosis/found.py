@@ -14,7 +14,7 @@ from models.diagnosis.usable import Usable
 from sim.model import Model
 
 _LAGGING = (0.0, 0.2, 1.0)  # of the heat that lags behind on a slow bench: what is tried
-_SLOW = 3.0  # in log likelihood: what says that parts do not settle
+_SLOW = 3.0  # in log likelihood, or log evidence: what says that parts do not settle
 _FAR_AHEAD = 50.0  # in log evidence on tangents: no other cause alone comes near
 
 
@@ -28,14 +28,18 @@ class Begun:
 
     @classmethod
     def of(cls, usable: Usable, baseline: Model) -> Self:
-        """With heat that lags behind as far as replicates tell, or, without any, where all is likelier so."""
-        settled, *slow = [_lagging(usable, share) for share in _LAGGING]
-        if any(entry.scatter for entry in settled.noise):
-            best = max(slow, key=lambda each: each.log_likelihood)
-            chosen = best if best.log_likelihood > settled.log_likelihood + _SLOW else settled
-            return cls.in_noise(chosen.usable, baseline, chosen.noise)
-        tried = [cls.in_noise(each.usable, baseline, each.noise) for each in (settled, *slow)]
-        return max(tried, key=lambda begun: begun.sight.looked.log_evidence)
+        """With heat that lags behind as far as replicates tell, and what they leave open all readings at first sight.
+
+        More of it is taken where that is clearly likelier.
+        """
+        tried = [_lagging(usable, share) for share in _LAGGING]
+        least = max(each.log_likelihood for each in tried) - _SLOW
+        first, *more = [each for each in tried if each.log_likelihood >= least]
+        begun = cls.in_noise(first.usable, baseline, first.noise)
+        for slower in (cls.in_noise(each.usable, baseline, each.noise) for each in more):
+            if slower.sight.looked.log_evidence > begun.sight.looked.log_evidence + _SLOW:
+                begun = slower
+        return begun
 
     @classmethod
     def in_noise(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise]) -> Self:

@@ -33,9 +33,14 @@ _MISSED = 0.05  # of the gap: more than the law of a cause misses on blocks that
 def is_strained(refinery: Refinery, fits: Sequence[Fit], worth: Worth) -> bool:
     """Whether readings of efficiency alone are explained only by laws that are off by all that is feared.
 
-    ``worth`` is that of the causes that would be stated.
+    ``worth`` is that of the causes that would be stated. One at the end of what is searched is made of something else,
+    too: nothing tells how much further it would go.
     """
-    if not refinery.observations.efficiency_alone or refinery.known.doubt <= _SOUND:
+    if not refinery.observations.efficiency_alone:
+        return False
+    if any(term.at_bound and term.beyond_everyday for term in worth.cause.terms):
+        return True
+    if refinery.known.doubt <= _SOUND:
         return False
     return _only_by_laws(refinery, fits) and any(g.calibrated > _MISSED * g.before for g in worth.gains())
 

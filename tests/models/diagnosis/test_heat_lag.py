@@ -7,9 +7,11 @@ import pytest
 
 from drivers.mocks.lab.laboratory import Inertia, Laboratory
 from drivers.mocks.lab.survey import schedule, survey
+from experiments.blind.trial import BlindTrial, efficiency_table, laboratory
+from experiments.slow_bench_trials import inertia_of
 from models.dataset import Measurements, load_measurements
 from models.diagnosis.diagnose import diagnose
-from models.diagnosis.found import Begun
+from models.diagnosis.found import Begun, _lagging
 from models.diagnosis.heat_lag import TIME_CONSTANTS_S, Heated, History, heat_lags, lag_K
 from models.diagnosis.noise import estimate_noise
 from models.diagnosis.observations import Observations, observe
@@ -19,6 +21,7 @@ from sim.model import Model
 from sim.prototype import prototype
 from tests.models.diagnosis.virtual_campaign import set_points
 
+ALONE = BlindTrial(row="slow", seed=470_014)
 SLOW = Inertia(heatsink_s=400.0, inductor_s=900.0, transformer_s=1200.0)
 ROWS = 30
 RNG = np.random.default_rng(4)
@@ -166,6 +169,17 @@ def test_no_lag_leaves_no_direction() -> None:
 @pytest.mark.parametrize("again", [12, 0])
 def test_a_slow_bench_with_nothing_hidden_is_consistent(again: int) -> None:
     assert diagnose(campaign({}, SLOW, again=again)).verdict.kind == "consistent"
+
+
+def test_what_replicates_leave_open_all_readings_tell() -> None:
+    """Of efficiency alone a dozen replicates say little of a part's heat; all rows together do."""
+    lab = replace(laboratory(ALONE), inertia=inertia_of(ALONE.seed))
+    rows = load_measurements(efficiency_table(survey(lab, ALONE.plan, seed=ALONE.seed)))
+    usable = usable_readings(observe(rows.frame, prototype()), Model.baseline(), frozenset(), rows.rows)
+    tried = [_lagging(usable, share).log_likelihood for share in (0.0, 1.0)]
+    assert abs(tried[1] - tried[0]) < 3.0  # in log likelihood: open
+    assert Begun.of(usable, Model.baseline()).usable.known.lags > 0
+    assert diagnose(rows).verdict.kind == "consistent"  # which was a thermal resistance before
 
 
 @pytest.mark.parametrize(("name", "value"), [("link_resistance", 0.08), ("sic_on_resistance", 0.8)])

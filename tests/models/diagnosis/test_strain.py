@@ -50,7 +50,28 @@ def test_readings_are_asked_where_they_were_not_sure_of_the_laws_and_blocks_are_
     refinery = SimpleNamespace(
         observations=SimpleNamespace(efficiency_alone=alone), known=SimpleNamespace(doubt=doubt)
     )
-    worth = SimpleNamespace(gains=lambda: (SimpleNamespace(calibrated=missed * 0.01, before=0.01),))
+    gain = SimpleNamespace(calibrated=missed * 0.01, before=0.01)
+    worth = SimpleNamespace(cause=SimpleNamespace(terms=()), gains=lambda: (gain,))
+    assert is_strained(refinery, [], worth) is strained  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("alone", "at_bound", "beyond", "strained"),
+    [
+        (True, True, True, True),
+        (True, False, True, False),
+        (True, True, False, False),
+        (False, True, True, False),
+    ],
+)
+def test_a_cause_at_the_end_of_what_is_searched_is_not_named_by_efficiency_alone(
+    alone: bool, at_bound: bool, beyond: bool, strained: bool
+) -> None:
+    refinery = SimpleNamespace(
+        observations=SimpleNamespace(efficiency_alone=alone), known=SimpleNamespace(doubt=0.1)
+    )
+    term = SimpleNamespace(at_bound=at_bound, beyond_everyday=beyond)
+    worth = SimpleNamespace(cause=SimpleNamespace(terms=(term,)))
     assert is_strained(refinery, [], worth) is strained  # type: ignore[arg-type]
 
 
