@@ -117,3 +117,21 @@ def heat_lags(observations: Observations, history: History, parts: Iterable[Heat
             found |= {name: per_K * before_K, f"{name} from the start": per_K * start_K}
             found |= {f"{name}, losses": warmth[0] * before_K, f"{name}, core": warmth[1] * before_K}
     return {name: direction for name, direction in found.items() if np.any(direction)}
+
+
+def own_lags(slope: Array, observations: Observations) -> Array:
+    """By how much the heat that a cause of this slope (M,) adds itself lags behind in temperatures, (r, M).
+
+    By the rows with readings, one sigma each: of every temperature and every time constant.
+    """
+    used, row = np.unique(observations.row, return_inverse=True)
+    time_s, found = np.asarray(observations.points.time_s)[used], [np.empty((0, slope.size))]
+    for column in PARTS.values():
+        own = observations.of(column)
+        if not np.any(slope[own]):
+            continue
+        more_K = np.full(used.size, np.nan)
+        more_K[row[own]] = slope[own]
+        for time_constant_s in TIME_CONSTANTS_S:
+            found.append(np.where(own, _SHARE * lag_K(more_K, time_s, time_constant_s)[row], 0.0)[None])
+    return np.concatenate(found)

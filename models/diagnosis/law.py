@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.covariance import locations
 from models.diagnosis.geometry import Directions, Geometry
+from models.diagnosis.heat_lag import own_lags
 from models.diagnosis.law_errors import LawErrors, no_errors
 from models.diagnosis.leftover import smooth_maps
 from models.diagnosis.lines import Key
@@ -53,15 +54,23 @@ def law_maps(observations: Observations) -> Array:
 
 
 def law_columns(
-    signatures: Sequence[Signature], observations: Observations, state: State, errors: LawErrors = no_errors
+    signatures: Sequence[Signature],
+    observations: Observations,
+    state: State,
+    errors: LawErrors = no_errors,
+    *,
+    slow: bool = False,
 ) -> Iterable[tuple[Signature, Array]]:
     """Every signature with the columns (r, M) of its error at a distance of one from off.
 
-    ``state`` is of the frame's rows, for the thresholds; ``errors`` tells how an effect's formula is known to err.
+    ``state`` is of the frame's rows, for the thresholds; ``errors`` tells how an effect's formula is known to err. On a
+    ``slow`` bench what a cause heats lags behind too.
     """
     maps = law_maps(observations)
     for s in signatures:
         columns = np.concatenate([s.entry.law * maps, *(own[None] for own in errors(s.entry))]) * s.slope
+        if slow:
+            columns = np.concatenate([columns, own_lags(s.slope, observations)])
         if s.entry.threshold:
             variants = [v for v in signatures if v.effect == s.effect]
             columns = np.concatenate([columns, _undecided(s, variants, observations, state)])

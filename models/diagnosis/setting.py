@@ -109,7 +109,8 @@ def set_up(sight: FirstSight) -> Setting:
     near, lines = known.start(observations, baseline)
     geometry = found.refinery.geometry
     errors = law_errors(observations, near, baseline.converter)
-    laws = Laws.of(law_columns(known.effects, observations, known.state, errors), geometry)
+    columns = law_columns(known.effects, observations, known.state, errors, slow=known.is_slow)
+    laws = Laws.of(columns, geometry)
     everyday = zip(known.effects, _everyday(known, geometry), strict=True)
     effects = tuple(replace(s, everyday=sigma) for s, sigma in everyday)
     usual = without_widening(observations, best.first, sigma)

@@ -71,7 +71,8 @@ class Signatures:
     """Baseline prediction (M,), effects' signatures, and the spreads' directions (K, M), one sigma each.
 
     The first directions are the ``modes`` of the converter's parts; then come the effects that have an everyday
-    tolerance of their own, by name, the instruments, and ``lags`` of heat that lags behind.
+    tolerance of their own, by name, the instruments, and ``lags`` of heat that lags behind: all that a bench may have
+    of it where it ``is_slow``.
     ``input_sigma`` (M,) is how far the noise of the measured P2, at which the model runs, moves a prediction;
     ``bends`` (q, M) are further directions, one sigma each, where efficiency is alone: what a link inductance off
     bends near the limit about the baseline; or, about a cause that leads, by what its slope differs and what it bends.
@@ -93,6 +94,7 @@ class Signatures:
     inaccuracy: Array
     laws: Array
     lags: int = 0
+    is_slow: bool = False
     doubt: float = 1.0
     others_doubt: float = 1.0
     rows: NDArray[np.intp] | None = None
@@ -128,7 +130,8 @@ class Signatures:
     def lagging(self, share: float) -> Self:
         """The same with such a share of the heat that lags behind."""
         rest = len(self.spreads) - self.lags
-        return replace(self, spreads=np.concatenate([self.spreads[:rest], share * self.slow]))
+        spreads = np.concatenate([self.spreads[:rest], share * self.slow])
+        return replace(self, spreads=spreads, is_slow=share >= 1.0)
 
     def distinct(self, sigma: Array) -> Self:
         """The same with the fewest directions of lagging heat: those that move readings by a ``sigma`` (M,) in all."""

@@ -12,7 +12,8 @@ from experiments.slow_bench_trials import inertia_of
 from models.dataset import Measurements, load_measurements
 from models.diagnosis.diagnose import diagnose
 from models.diagnosis.found import Begun, _lagging
-from models.diagnosis.heat_lag import TIME_CONSTANTS_S, Heated, History, heat_lags, lag_K
+from models.diagnosis.heat_lag import TIME_CONSTANTS_S, Heated, History, heat_lags, lag_K, own_lags
+from models.diagnosis.law import law_columns
 from models.diagnosis.noise import estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.signatures import Signatures, signatures
@@ -110,6 +111,35 @@ def test_rows_of_one_time_lag_behind_nothing() -> None:
     assert heat_lags(at_once, history, [part]) == {}
 
 
+def test_what_a_cause_heats_lags_behind_in_its_own_part_alone() -> None:
+    whole, _ = seen()
+    own, used = whole.of("T_inductor_C"), np.unique(whole.row)
+    warmer = np.where(own, 10.0 + whole.row % 7, 0.0)  # K for each unit
+    found = own_lags(warmer, whole)
+    assert len(found) == len(TIME_CONSTANTS_S)
+    assert not np.any(found[:, ~own])
+    rows = np.searchsorted(used, whole.row[own])
+    more_K = np.full(used.size, np.nan)
+    more_K[rows] = warmer[own]
+    time_s = np.asarray(whole.points.time_s)[used]
+    for column, time_constant_s in zip(found, TIME_CONSTANTS_S, strict=True):
+        expected = 0.5 * lag_K(more_K, time_s, time_constant_s)[rows]
+        np.testing.assert_allclose(column[own], expected, rtol=1e-12)  # rounding
+
+
+def test_only_a_slow_bench_asks_for_it() -> None:
+    whole, _ = seen()
+    known = signatures(whole, Model.baseline())
+    skin = [s for s in known.effects if s.effect == "skin_effect"]
+    (_, plain), (_, slow) = (
+        next(iter(law_columns(skin, whole, known.state, slow=slow))) for slow in (False, True)
+    )
+    np.testing.assert_array_equal(slow[: len(plain)], plain)
+    assert len(slow) == len(plain) + 3 * len(TIME_CONSTANTS_S)
+    assert every_lag().lagging(1.0).is_slow
+    assert not every_lag().lagging(0.2).is_slow
+
+
 def test_without_a_history_all_has_settled() -> None:
     whole, _ = seen()
     assert signatures(whole, Model.baseline()).lags == 0
@@ -182,6 +212,8 @@ def test_what_replicates_leave_open_all_readings_tell() -> None:
     assert diagnose(rows).verdict.kind == "consistent"  # which was a thermal resistance before
 
 
-@pytest.mark.parametrize(("name", "value"), [("link_resistance", 0.08), ("sic_on_resistance", 0.8)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("link_resistance", 0.08), ("sic_on_resistance", 0.8), ("core_loss_transformer", 2.0)]
+)
 def test_what_a_slow_bench_hides_is_named(name: str, value: float) -> None:
     assert diagnose(campaign({name: value}, SLOW)).verdict.named == (name,)
