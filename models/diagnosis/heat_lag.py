@@ -30,9 +30,11 @@ PARTS = {
     "inductor.thermal_K_per_W": "T_inductor_C",
     "transformer.thermal_K_per_W": "T_transformer_C",
 }  # the channel of the temperature that a spread at this path sets
-TIME_CONSTANTS_S = (240.0, 900.0, 3600.0)
+TIME_CONSTANTS_S = (150.0, 300.0, 600.0, 1200.0, 2400.0)
 _SHARE = 0.5  # of a part's heat that lags so on a slow bench, one sigma
 _LAW = 0.3  # of what a part's temperature does to losses, one sigma
+_GAP = 1.5  # times what rows usually take: nobody knows what the bench did so long
+_MOST_GAPS, _AFTER_A_GAP_S = 6, 600.0  # the longest ones, and the time constant that is taken behind them
 _LEAST_K = 0.3  # of a spread: a row that it moves by less tells no slope
 
 
@@ -72,16 +74,36 @@ class History:
         rise_K = {k: float(np.nan_to_num(np.nanmean(t - points.ambient_C))) for k, t in settled_C.items()}
         return cls(rows=rows, time_s=np.asarray(points.time_s), settled_C=settled_C, rise_K=rise_K)
 
-    def above_K(self, column: str, time_constant_s: float) -> tuple[Array, Array]:
-        """How far a part of such a time constant is above where rows would settle, (N,): by rows before, by the start.
+    def courses_K(self, column: str) -> dict[str, Array]:
+        """How far a part may be above where rows would settle, (N,) by what for: rows before, the start, gaps in time.
 
-        The start is one that is as far from the first row as rows are from the room.
+        After a start or a gap a part is as far from where it would be as rows are from the room, one sigma.
         """
         if np.ptp(self.time_s) <= 0.0:
-            return np.zeros(self.rows.size), np.zeros(self.rows.size)
-        since_s = self.time_s - np.min(self.time_s)
-        start_K = self.rise_K[column] * np.exp(-since_s / time_constant_s)
-        return lag_K(self.settled_C[column], self.time_s, time_constant_s), start_K
+            return {}
+        found, rise_K = dict[str, Array](), self.rise_K[column]
+        for time_constant_s in TIME_CONSTANTS_S:
+            name = f"{column} {time_constant_s:.0f} s behind"
+            found[name] = lag_K(self.settled_C[column], self.time_s, time_constant_s)
+            found[f"{name} from the start"] = rise_K * _since(
+                self.time_s, np.min(self.time_s), time_constant_s
+            )
+        for begun_s in self._after_gaps_s():
+            found[f"{column} after {begun_s:.0f} s"] = rise_K * _since(self.time_s, begun_s, _AFTER_A_GAP_S)
+        return found
+
+    def _after_gaps_s(self) -> list[float]:
+        """When rows begin again after the longest gaps, (G,)."""
+        times_s = np.sort(self.time_s)
+        steps_s = np.diff(times_s)
+        longest = np.argsort(-steps_s, kind="stable")[:_MOST_GAPS]
+        usual_s = float(np.median(steps_s))
+        return [float(times_s[k + 1]) for k in longest.tolist() if steps_s[k] > _GAP * usual_s]
+
+
+def _since(time_s: Array, begun_s: float, time_constant_s: float) -> Array:
+    """What is left at each time (N,) of what was there at one; nothing before it."""
+    return np.where(time_s >= begun_s, np.exp(-np.maximum(time_s - begun_s, 0.0) / time_constant_s), 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,12 +132,11 @@ def heat_lags(observations: Observations, history: History, parts: Iterable[Heat
     found = dict[str, Array]()
     for part in parts:
         per_K = _SHARE * part.per_K(observations)
-        warmth = _LAW * np.where(sensed, 0.0, per_K), OF_WARMTH / WARMTH_K * np.nan_to_num(part.core)
-        for time_constant_s in TIME_CONSTANTS_S:
-            before_K, start_K = (k[place] for k in history.above_K(part.column, time_constant_s))
-            name = f"{part.column} {time_constant_s:.0f} s behind"
-            found |= {name: per_K * before_K, f"{name} from the start": per_K * start_K}
-            found |= {f"{name}, losses": warmth[0] * before_K, f"{name}, core": warmth[1] * before_K}
+        losses, core = _LAW * np.where(sensed, 0.0, per_K), OF_WARMTH / WARMTH_K * np.nan_to_num(part.core)
+        for name, above_K in history.courses_K(part.column).items():
+            found[name] = per_K * above_K[place]
+            if name.endswith("behind"):
+                found |= {f"{name}, losses": losses * above_K[place], f"{name}, core": core * above_K[place]}
     return {name: direction for name, direction in found.items() if np.any(direction)}
 
 

@@ -91,16 +91,28 @@ def test_a_sensor_shows_its_parts_lag_whole_and_no_other_parts() -> None:
         column="T_inductor_C", step_K=np.ones(whole.value.size), moved=np.full(whole.value.size, 0.02)
     )
     found = heat_lags(whole, history, [part])
-    before, _ = history.above_K("T_inductor_C", 900.0)
+    before = history.courses_K("T_inductor_C")["T_inductor_C 600 s behind"]
     own, row = whole.of("T_inductor_C"), np.searchsorted(history.rows, whole.row)
-    direction = found["T_inductor_C 900 s behind"]
+    direction = found["T_inductor_C 600 s behind"]
     np.testing.assert_allclose(direction[own], 0.5 * before[row][own], rtol=1e-12)  # rounding
     power = whole.of("efficiency")
     small = 1.0 + 0.3**2  # a step of one kelvin tells the slope to that
     np.testing.assert_allclose(
         direction[power], 0.5 * 0.02 / small * before[row][power], rtol=1e-12
     )  # rounding
-    assert not np.any(found["T_inductor_C 900 s behind, losses"][own])
+    assert not np.any(found["T_inductor_C 600 s behind, losses"][own])
+
+
+def test_nobody_knows_what_a_bench_did_in_a_gap() -> None:
+    times_s = np.array([0.0, 180.0, 360.0, 1080.0, 1260.0, 1500.0])  # one of 720 s; 240 s are none
+    settled = dict.fromkeys(("T_heatsink_C", "T_inductor_C", "T_transformer_C"), SETTLED_C[:6])
+    rises = dict.fromkeys(settled, 40.0)
+    history = History(rows=np.arange(6), time_s=times_s, settled_C=settled, rise_K=rises)
+    after = {name: course for name, course in history.courses_K("T_inductor_C").items() if "after" in name}
+    ((name, course),) = after.items()
+    assert name == "T_inductor_C after 1080 s"
+    expected = 40.0 * np.exp(-np.array([0.0, 180.0, 420.0]) / 600.0)
+    np.testing.assert_allclose(course, [0.0, 0.0, 0.0, *expected], rtol=1e-12)  # rounding
 
 
 def test_rows_of_one_time_lag_behind_nothing() -> None:
