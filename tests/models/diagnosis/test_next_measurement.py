@@ -1,18 +1,20 @@
 """What to measure next: the action that tells two made-up rivals apart, by what the simulator says."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from models.dataset import load_measurements
-from models.diagnosis.bench_options import _rebuilds, bench_options
+from models.diagnosis.bench_options import Allowed, _rebuilds, bench_options
 from models.diagnosis.diagnose import diagnose
 from models.diagnosis.evidence import Hypothesis
+from models.diagnosis.missing_channel import missing_channel
 from models.diagnosis.next_measurement import MOST_STEPS, next_measurements, rivals_of
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.race import SEPARATED, Rival
+from models.diagnosis.race import SEPARATED, NextMeasurement, Rival
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
@@ -96,6 +98,33 @@ def test_a_channel_is_judged_by_as_many_rows_as_were_measured(times: int, asked:
     measured = pd.concat([efficiency_alone()] * times, ignore_index=True)
     steps = next_measurements(observe(measured, prototype()), alike)
     assert any("P_link1_W too" in step.action for step in steps) == asked
+
+
+class UsedUp:
+    """A race of one pair that few rows tell little of and many much, until its steps are taken as measured."""
+
+    pairs = np.array([[0, 1]])
+    used = False
+
+    def weight(self) -> np.ndarray:
+        return np.ones(1)
+
+    def among(self, rows: list[int], channels: list[int]) -> "UsedUp":
+        return self
+
+    def steps(self, most: int, allowed: Allowed) -> tuple[list[NextMeasurement], list[float]]:
+        self.used = True
+        step = NextMeasurement(action="measure", separates=("a", "b"), expected_sigma=0.5, minutes=1.0)
+        return [step], [0.25]
+
+    def altogether(self, measured: int) -> np.ndarray:
+        return np.array([0.0 if self.used else 25.0])
+
+
+def test_a_channel_is_asked_about_before_any_row_counts_as_measured() -> None:
+    race: Any = UsedUp()
+    (step,) = missing_channel(race, [0], ["D0"], most=1, measured=40, told=0.0)
+    assert "measure D0 too" in step.action
 
 
 def test_every_cause_that_is_stated_as_tied_takes_part() -> None:
