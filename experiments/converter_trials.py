@@ -92,7 +92,7 @@ def run(settings: Settings) -> Result:
             wrong.goal("nothing hidden: false names", 0.1, at_least=False),
             misnamed.goal("one effect: confidently wrong", 1.0, at_least=False),
         ),
-        tables=(_verdicts(quiet), _effects(loud), _misses(said)),
+        tables=(verdict_table([(s.channels, s.answer) for s in quiet]), _effects(loud), _misses(said)),
         notes=(
             f"{POINTS} points in each lab of {model.converter.name}, through the instruments' model without the wire; "
             f"seeds {FIRST_SEED} to {FIRST_SEED + len(each) - 1}",
@@ -102,10 +102,10 @@ def run(settings: Settings) -> Result:
     )  # fmt: skip
 
 
-def _verdicts(quiet: Sequence[Said]) -> Table:
+def verdict_table(said: Sequence[tuple[str, Answer]]) -> Table:
+    """What was said of labs with nothing hidden, by the channels it was said of."""
     rows: list[tuple[Cell, ...]] = []
-    for channels in (ALL, ALONE):
-        own = [s.answer for s in quiet if s.channels == channels]
+    for channels, own in ((c, [answer for of, answer in said if of == c]) for c in (ALL, ALONE)):
         kinds = Counter(answer.verdict for answer in own)
         wrong = sum(answer.misnames(()) for answer in own)
         rows.append((channels, len(own), kinds["consistent"], wrong, kinds["unknown"]))

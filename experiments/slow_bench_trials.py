@@ -5,7 +5,6 @@ minutes. One lab after the other hides one effect of a size that a lab draws, an
 diagnosed with efficiency alone as well. What is hidden in a slow bench may be too small to be seen: that is not asked.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +18,7 @@ from experiments.blind.draws import log_uniform
 from experiments.blind.reach import hideable
 from experiments.blind.scoring import Share
 from experiments.blind.trial import BlindTrial, efficiency_table, laboratory
+from experiments.converter_trials import ALL, ALONE, verdict_table
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Result, Table
 from experiments.harness.settings import Countdown, Settings
@@ -27,7 +27,6 @@ from models.diagnosis.diagnose import diagnose
 
 FIRST_SEED = 490_000  # those from 470,000 on were looked at while the diagnosis learned of slow benches
 HEATSINK_S, WINDING_S = (120.0, 900.0), (300.0, 3600.0)
-ALL, ALONE = "all channels", "efficiency alone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,24 +85,13 @@ def run(settings: Settings) -> Result:
             consistent.goal("nothing hidden: consistent", 99.0, at_least=True),
             misnamed.goal("confidently wrong", 1.0, at_least=False),
         ),
-        tables=(_verdicts(quiet), _effects(loud)),
+        tables=(verdict_table([(s.channels, s.answer) for s in quiet]), _effects(loud)),
         notes=(
             f"time constants of {HEATSINK_S[0]:.0f} to {HEATSINK_S[1]:.0f} s for the heatsink, {WINDING_S[0]:.0f} to "
             f"{WINDING_S[1]:.0f} s for the windings, rows every 180 s; seeds {FIRST_SEED} to "
             f"{FIRST_SEED + len(trials) - 1}",
         ),
     )
-
-
-def _verdicts(quiet: Sequence[Said]) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    for channels in (ALL, ALONE):
-        own = [s.answer for s in quiet if s.channels == channels]
-        kinds = Counter(answer.verdict for answer in own)
-        wrong = sum(answer.misnames(()) for answer in own)
-        rows.append((channels, len(own), kinds["consistent"], wrong, kinds["unknown"]))
-    columns = ("channels", "labs", "consistent", "false names", "unknown")
-    return Table(title="Nothing hidden", columns=columns, rows=tuple(rows))
 
 
 def _effects(loud: Sequence[Said]) -> Table:
