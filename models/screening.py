@@ -24,9 +24,7 @@ KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", "kind", "settled", "qualit
 
 GOOD = "good"
 NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
-KILOWATT_LIMIT = (
-    10.0  # W: 0.2 to 2 is a power written in kW; a converter of some 100 W has light loads below it
-)
+KILOWATT_LIMIT = 10.0  # W: 0.2 to 2 is a power in kW, but a small converter has light loads there
 _KILO_APART = 200.0  # between the largest load and the smallest: more is a unit's thousand
 ABSOLUTE_ZERO_C = -273.15
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere

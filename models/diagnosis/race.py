@@ -125,10 +125,8 @@ class Race:
         """Before anything is chosen."""
         pairs = np.array(list(combinations(range(len(rivals)), 2)), dtype=np.intp)
         size = options.sigma.size
-        expected, open_ = (
-            options.readings.reshape(len(rivals), size).copy(),
-            np.zeros((len(rivals), size, size)),
-        )
+        expected = options.readings.reshape(len(rivals), size).copy()  # what is beside it is added in place
+        open_ = np.zeros((len(rivals), size, size))
         if refinery is not None:
             ahead = Ahead(points=options.points, channels=CHANNELS, near=options.near, rows=options.rows)
             found, known = (

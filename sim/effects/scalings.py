@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any, Self
 
 import numpy as np
@@ -27,9 +28,7 @@ def _replaced(old: Any, value: float) -> Any:
     return value
 
 
-_OF_WHAT_THERE_IS = (
-    0.7  # what a parameter may be short by: a part at three sigmas of its tolerance has it too
-)
+_OF_WHAT_THERE_IS = 0.7  # may be missing: a part at three sigmas of its tolerance has as much
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,19 +40,15 @@ class ParameterEffect(Effect):
 
     def at(self, converter: Converter) -> Self:
         """The effect as a converter has it: nothing is searched that would take more of a parameter than there is."""
-        sized = Effect.at(
-            self, converter
-        )  # a class with slots is made anew: super() would look for the old one
-        head, there = (
-            sized.headline,
-            [path.split(".") for path in self.paths if _has(converter, path.split("."))],
-        )
+        sized = Effect.at(self, converter)  # super() does not know a class that slots have made anew
+        head = sized.headline
+        there = [path for path in self.paths if _has(converter, path.split("."))]
         if self.change is not _added or head.lower >= 0.0 or not there:
             return sized
         try:
             sized.converter(converter, {head.name: head.lower})
         except ParameterError:
-            least = min(float(_value_at(converter, path)) for path in there)
+            least = min(float(attrgetter(path)(converter)) for path in there)
             bounded = replace(head, lower=max(head.lower, 0.0 - _OF_WHAT_THERE_IS * least))
             return replace(sized, parameters=(bounded, *sized.parameters[1:]))
         return sized
@@ -86,10 +81,6 @@ class ParameterEffect(Effect):
 
 def _has(owner: Any, path: list[str]) -> bool:
     return not path or (hasattr(owner, path[0]) and _has(getattr(owner, path[0]), path[1:]))
-
-
-def _value_at(owner: Any, path: list[str]) -> Any:
-    return _value_at(getattr(owner, path[0]), path[1:]) if path else owner
 
 
 def _replace_at(owner: Any, path: list[str], change: Callable[[Any, float], Any], value: float) -> Any:

@@ -87,6 +87,12 @@ def test_what_was_left_out_and_what_is_unknown_is_said(page: DiagnosisPage, tmp_
     assert "looks like kilowatts" in text
 
 
+def test_a_row_without_a_value_is_listed_without_one(page: DiagnosisPage, tmp_path: Path) -> None:
+    row = {"row": 7, "column": "P2_W", "value": None, "reason": "too near the limit"}
+    text = written(replace(page, diagnosis=ANSWER | {"rejected_rows": [row]}), tmp_path)
+    assert "<td>P2_W</td><td>none</td><td>too near the limit</td>" in text
+
+
 def test_what_the_import_left_out_is_listed_as_its_file_counts(page: DiagnosisPage, tmp_path: Path) -> None:
     row = {"row": 7, "line": 9, "column": "P1_W", "value": "inf", "reason": "overrange"}
     before = {"left_out_by_import": {"file": "theirs.csv", "rows": [row]}}
