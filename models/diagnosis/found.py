@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Self
 
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.noise import ChannelNoise, estimate_noise, sigma_of
+from models.diagnosis.noise import ChannelNoise, Replicates, estimate_noise, sigma_of
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import search
 from models.diagnosis.setting import FirstSight, Setting, set_up
@@ -15,7 +15,7 @@ from sim.model import Model
 
 _LAGGING = (0.0, 0.2, 1.0)  # of the heat that lags behind on a slow bench: what is tried
 _SLOW = 3.0  # in log likelihood, or log evidence: what says that parts do not settle
-_FAR_AHEAD = 50.0  # in log evidence on tangents: no other cause alone comes near
+_FAR_AHEAD = 10.0  # in log evidence on tangents: a cause that seldom ends up behind another; all is searched then
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,8 @@ class Begun:
 
         More of it is taken where that is clearly likelier.
         """
-        tried = [_lagging(usable, share) for share in _LAGGING]
+        replicates = Replicates.of(usable.observations)
+        tried = [_lagging(usable, share, replicates) for share in _LAGGING]
         least = max(each.log_likelihood for each in tried) - _SLOW
         first, *more = [each for each in tried if each.log_likelihood >= least]
         begun = cls.in_noise(first.usable, baseline, first.noise)
@@ -79,10 +80,10 @@ class _Lagging:
         return sum(entry.log_likelihood for entry in self.noise)
 
 
-def _lagging(usable: Usable, share: float) -> _Lagging:
+def _lagging(usable: Usable, share: float, replicates: Replicates) -> _Lagging:
     """With such a share of what a slow bench has."""
     observations, known = usable.observations, usable.known.lagging(share)
-    noise = estimate_noise(observations, observations.value - known.baseline, known.slow)
+    noise = estimate_noise(observations, replicates, observations.value - known.baseline, known.slow)
     distinct = known.distinct(sigma_of(observations, noise))
     return _Lagging(usable=replace(usable, known=distinct), noise=noise)
 

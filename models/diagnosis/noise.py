@@ -65,6 +65,23 @@ class ChannelNoise:
         }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replicates:
+    """Rows of the frame that share a set point, in time order, at least two each: those that carry power, and not."""
+
+    carrying: list[NDArray[np.intp]]
+    unloaded: list[NDArray[np.intp]]
+
+    @classmethod
+    def of(cls, observations: Observations) -> Self:
+        """All that a campaign has."""
+        groups = _groups(observations)
+        return cls(
+            carrying=[g for g in groups if observations.loaded[g].all()],
+            unloaded=[g for g in groups if not observations.loaded[g].any()],
+        )
+
+
 def _groups(observations: Observations) -> list[NDArray[np.intp]]:
     """Rows of the frame that share a set point, in time order, at least two each."""
     frame = observations.frame
@@ -119,19 +136,17 @@ def scale_of(observations: Observations, name: str) -> Array:
 
 
 def estimate_noise(
-    observations: Observations, residual: Array, slow: Array | None = None
+    observations: Observations, replicates: Replicates, residual: Array, slow: Array | None = None
 ) -> list[ChannelNoise]:
-    """The noise of every channel present, from the residuals (M,) of the baseline.
+    """The noise of every channel present, from what the residuals (M,) of the baseline differ by between replicates.
 
     What ``slow`` directions (L, M), one sigma each, make of differences is no noise.
     """
-    groups, found = _groups(observations), []
-    carrying = [g for g in groups if observations.loaded[g].all()]
-    unloaded = [g for g in groups if not observations.loaded[g].any()]
+    found = []
     both = residual[None] if slow is None else np.concatenate([residual[None], slow])
     for channel in observations.channels:
         scaled = both / scale_of(observations, channel.name)
-        of_each = _differences(observations, scaled, channel.name, carrying)
+        of_each = _differences(observations, scaled, channel.name, replicates.carrying)
         steps, *slower = np.concatenate(of_each, axis=1) if of_each else np.empty((len(both), 0))
         floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
         told = _Told.of(steps, np.array(slower))
@@ -151,7 +166,7 @@ def estimate_noise(
                 differences=told.differences,
                 excess_kurtosis=kurtosis,
                 autocorrelation=memory,
-                idle=_idle(_differences(observations, residual, channel.name, unloaded)),
+                idle=_idle(_differences(observations, residual, channel.name, replicates.unloaded)),
                 scatter=told.scatter,
                 log_likelihood=told.log_likelihood,
             )

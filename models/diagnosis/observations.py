@@ -73,10 +73,12 @@ _AMBIENT_C = 25.0  # Assumption: of a room whose temperature nobody noted
 class Observations:
     """M readings: ``channel`` (M,) indexes ``channels``, ``row`` (M,) the rows of ``frame``; ``value`` (M,).
 
-    ``rated_W`` is the converter's power; ``processes`` share a large simulation of them.
+    ``loaded`` are those rows of the frame that carry power. ``rated_W`` is the converter's power; ``processes`` share a
+    large simulation of them.
     """
 
     frame: pd.DataFrame
+    loaded: NDArray[np.bool_]
     points: Points
     channels: tuple[Channel, ...]
     channel: NDArray[np.intp]
@@ -88,11 +90,6 @@ class Observations:
     def of(self, name: str) -> NDArray[np.bool_]:
         """Mask (M,) of one channel's readings."""
         return np.array([c.name == name for c in self.channels])[self.channel]
-
-    @property
-    def loaded(self) -> NDArray[np.bool_]:
-        """Mask over the frame's rows: those that carry power."""
-        return self.frame["kind"].isin(LOADED_KINDS).to_numpy()
 
     @property
     def efficiency_alone(self) -> bool:
@@ -217,12 +214,12 @@ def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Ob
     """Every finite reading of every known channel; a row's channels depend on its kind."""
     frame = frame.reset_index(drop=True)
     present = tuple(c.of(converter) for c in CHANNELS if c.column in frame and frame[c.column].notna().any())
-    kind = frame["kind"].to_numpy()
+    kind, loaded = frame["kind"].to_numpy(), frame["kind"].isin(LOADED_KINDS).to_numpy()
     channel, row, value = [], [], []
     for k, c in enumerate(present):
         readings = frame[c.column].astype(float).to_numpy()
         usable = np.isfinite(readings) & (
-            np.isin(kind, LOADED_KINDS)
+            loaded
             | ((kind == "standby") & (c.name in _IN_STANDBY))
             | ((kind == "no_load") & (c.name in _WITHOUT_LOAD))
         )
@@ -232,6 +229,7 @@ def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Ob
         value.append(readings[rows])
     return Observations(
         frame=frame,
+        loaded=loaded,
         points=points_of(frame, converter),
         channels=present,
         channel=np.concatenate(channel).astype(np.intp),

@@ -26,9 +26,12 @@ def resolution(values: Array) -> float:
     >>> resolution(np.array([0.12, 0.3, -0.05])), resolution(np.array([20.5, 31.0])), resolution(np.array([1 / 3]))
     (0.01, 0.5, 0.0)
     """
+    first = float(values[0]) if values.size else 0.0  # alone it rules most steps out, and costs no array
     for step in _STEPS:
-        if np.all(np.abs(values / step - np.round(values / step)) < _ON_THE_GRID):
-            return step
+        if abs(first / step - round(first / step)) < _ON_THE_GRID:
+            steps = values / step
+            if np.all(np.abs(steps - np.round(steps)) < _ON_THE_GRID):
+                return step
     return 0.0
 
 

@@ -8,7 +8,7 @@ import pytest
 from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.noise import estimate_noise
+from models.diagnosis.noise import Replicates, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.setting import FirstSight, set_up
 from models.diagnosis.signatures import Signatures, signatures
@@ -40,7 +40,7 @@ def found(bench: tuple[Observations, Signatures], *channels: str) -> list[Confir
     observations, known = bench
     off = np.any([observations.of(name) for name in channels], axis=0) & (observations.row == ROW)
     observations = replace(observations, value=observations.value + ERROR_W * off)
-    noise = estimate_noise(observations, observations.value - known.baseline)
+    noise = estimate_noise(observations, Replicates.of(observations), observations.value - known.baseline)
     setting = set_up(FirstSight.of(observations, Model.baseline(), known, noise))
     assert np.all(setting.sigma[off] > 3 * setting.usual[off])  # taken for outliers, all of them
     nothing = Hypothesis(fit=Fit.nothing(observations.value.size), leftover=None, probability=1.0)

@@ -138,7 +138,7 @@ def test_far_ahead_is_what_no_other_cause_comes_near(larger_inductance: Usable) 
 
     assert first is not None
     assert first.effects == ("leakage_inductance",)
-    near = first.log_evidence - 49.0
+    near = first.log_evidence - 9.0
     assert (
         among([replace(f, log_evidence=near) if f.effects == ("fan_step",) else f for f in tangents]) is None
     )

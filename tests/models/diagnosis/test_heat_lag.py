@@ -14,7 +14,7 @@ from models.diagnosis.diagnose import diagnose
 from models.diagnosis.found import Begun, _lagging
 from models.diagnosis.heat_lag import TIME_CONSTANTS_S, Heated, History, heat_lags, lag_K, own_lags
 from models.diagnosis.law import law_columns
-from models.diagnosis.noise import estimate_noise
+from models.diagnosis.noise import Replicates, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.signatures import Signatures, signatures
 from models.diagnosis.usable import usable_readings
@@ -176,7 +176,7 @@ def test_what_lags_behind_is_no_noise() -> None:
     begun = known(SLOW)
     o, signs = begun.usable.observations, begun.usable.known
     slow = {n.channel: n.sigma for n in begun.noise}
-    taken_for_it = {n.channel: n.sigma for n in estimate_noise(o, o.value - signs.baseline)}
+    taken_for_it = {n.channel: n.sigma for n in estimate_noise(o, Replicates.of(o), o.value - signs.baseline)}
     for channel in ("T_heatsink_C", "T_transformer_C", "T_inductor_C"):
         assert taken_for_it[channel] > 2.0 * slow[channel]
         assert slow[channel] < 1.0  # K; sensors are good to 0.1
@@ -218,7 +218,8 @@ def test_what_replicates_leave_open_all_readings_tell() -> None:
     lab = replace(laboratory(ALONE), inertia=inertia_of(ALONE.seed))
     rows = load_measurements(efficiency_table(survey(lab, ALONE.plan, seed=ALONE.seed)))
     usable = usable_readings(observe(rows.frame, prototype()), Model.baseline(), frozenset(), rows.rows)
-    tried = [_lagging(usable, share).log_likelihood for share in (0.0, 1.0)]
+    replicates = Replicates.of(usable.observations)
+    tried = [_lagging(usable, share, replicates).log_likelihood for share in (0.0, 1.0)]
     assert abs(tried[1] - tried[0]) < 3.0  # in log likelihood: open
     assert Begun.of(usable, Model.baseline()).usable.known.lags > 0
     assert diagnose(rows).verdict.kind == "consistent"  # which was a thermal resistance before

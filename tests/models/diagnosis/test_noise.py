@@ -8,6 +8,7 @@ import pytest
 
 from models.diagnosis.noise import (
     ChannelNoise,
+    Replicates,
     corrected,
     estimate_noise,
     scale_of,
@@ -46,7 +47,7 @@ def looked_at(
 
 
 def test_a_known_sigma_comes_back(campaign: Observations) -> None:
-    (noise,) = estimate_noise(campaign, white(campaign))
+    (noise,) = estimate_noise(campaign, Replicates.of(campaign), white(campaign))
     assert noise.differences == DIFFERENCES
     assert noise.sigma / SIGMA / CAUTION == pytest.approx(1.0, abs=TOLERANCE)
 
@@ -54,22 +55,26 @@ def test_a_known_sigma_comes_back(campaign: Observations) -> None:
 def test_a_linear_drift_is_not_taken_for_noise(campaign: Observations) -> None:
     scale = scale_of(campaign, "efficiency")
     drift = 20 * SIGMA * scale * np.linspace(0.0, 1.0, scale.size)
-    (noise,) = estimate_noise(campaign, white(campaign) + drift)
+    (noise,) = estimate_noise(campaign, Replicates.of(campaign), white(campaign) + drift)
     assert noise.sigma / SIGMA / CAUTION == pytest.approx(1.0, abs=TOLERANCE)
     assert np.std(drift / scale) > 5 * SIGMA  # a plain standard deviation would have been fooled
 
 
 def test_what_a_set_point_itself_is_off_by_is_not_noise(campaign: Observations) -> None:
     by_set_point = 0.01 * np.asarray(campaign.points.power_W)
-    (noise,) = estimate_noise(campaign, white(campaign) + by_set_point)
-    (plain,) = estimate_noise(campaign, white(campaign))
+    (noise,) = estimate_noise(campaign, Replicates.of(campaign), white(campaign) + by_set_point)
+    (plain,) = estimate_noise(campaign, Replicates.of(campaign), white(campaign))
     assert noise.sigma == pytest.approx(plain.sigma, rel=1e-9)  # rounding
 
 
 def test_heavy_tails_are_stated(campaign: Observations) -> None:
     residual = white(campaign)
-    (normal,) = estimate_noise(campaign, residual)
-    (heavy,) = estimate_noise(campaign, np.where(np.arange(residual.size) % 40 == 0, 8 * residual, residual))
+    (normal,) = estimate_noise(campaign, Replicates.of(campaign), residual)
+    (heavy,) = estimate_noise(
+        campaign,
+        Replicates.of(campaign),
+        np.where(np.arange(residual.size) % 40 == 0, 8 * residual, residual),
+    )
     # the kurtosis of n normal draws has a standard error of sqrt(24 / n), here about 0.3
     assert abs(normal.excess_kurtosis) < 4 * np.sqrt(24 / DIFFERENCES)
     assert heavy.excess_kurtosis > 5
@@ -81,8 +86,8 @@ def test_autocorrelation_is_stated(campaign: Observations) -> None:
     for k in range(1, REPEATS):
         slow[k] = 0.8 * slow[k - 1] + 0.6 * draws[k]
     scale = scale_of(campaign, "efficiency")
-    (white_noise,) = estimate_noise(campaign, scale * draws.ravel())
-    (slow_noise,) = estimate_noise(campaign, scale * slow.ravel())
+    (white_noise,) = estimate_noise(campaign, Replicates.of(campaign), scale * draws.ravel())
+    (slow_noise,) = estimate_noise(campaign, Replicates.of(campaign), scale * slow.ravel())
     # successive differences of white noise correlate by -1/2, of this one by -1/10
     assert abs(white_noise.autocorrelation) < 0.3
     assert slow_noise.autocorrelation > 0.5
@@ -90,14 +95,14 @@ def test_autocorrelation_is_stated(campaign: Observations) -> None:
 
 def test_set_points_read_twice_tell_nothing_of_a_memory() -> None:
     observations = loads(np.tile(np.linspace(300.0, 1500.0, 60), 2))
-    (noise,) = estimate_noise(observations, white(observations))
+    (noise,) = estimate_noise(observations, Replicates.of(observations), white(observations))
     assert noise.differences == 60
     assert noise.autocorrelation == 0.0
 
 
 def test_without_replicates_an_assumed_noise_stands_in() -> None:
     observations = loads(np.linspace(300.0, 1500.0, 30))
-    (noise,) = estimate_noise(observations, np.zeros(30))
+    (noise,) = estimate_noise(observations, Replicates.of(observations), np.zeros(30))
     assert noise.differences == 0
     assert noise.sigma > 0
     assert np.all(sigma_of(observations, [noise]) > 0)
@@ -106,7 +111,7 @@ def test_without_replicates_an_assumed_noise_stands_in() -> None:
 def test_a_table_that_was_rounded_is_known_to_its_last_digit_only() -> None:
     exact = loads(SET_POINTS)
     rounded = replace(exact, value=10.0 * np.round(exact.value / 10.0))
-    noise = estimate_noise(exact, np.zeros(SET_POINTS.size))
+    noise = estimate_noise(exact, Replicates.of(exact), np.zeros(SET_POINTS.size))
     added = sigma_of(rounded, noise) ** 2 - sigma_of(exact, noise) ** 2
     np.testing.assert_allclose(added, 10.0**2 / 12)  # uniform over a step of 10 W
 
@@ -118,7 +123,7 @@ def test_rows_without_load_tell_of_their_own_noise() -> None:
     observations = observe(frame.assign(time_s=60.0 * np.arange(len(frame))), prototype())
     carries = observations.loaded[observations.row]
     residual = np.where(carries, 0.0, 0.12 * np.tile([1.0, -1.0], len(frame) // 2))
-    noise = estimate_noise(observations, residual)
+    noise = estimate_noise(observations, Replicates.of(observations), residual)
     sigma = sigma_of(observations, noise)
     assert np.all(sigma[~carries] > 0.12)  # the upper side
     assert np.all(sigma[carries] < 0.06)  # loaded rows repeat exactly: the floor of the instrument is left
@@ -136,12 +141,14 @@ def test_noise_is_that_of_the_range_below_a_share_of_the_rated_power() -> None:
 def test_readings_of_a_load_that_wanders_are_replicates() -> None:
     rng = np.random.default_rng(7)
     power_W = np.tile(SET_POINTS, 15) * (1 + 1e-3 * np.clip(rng.standard_normal(60), -2.5, 2.5))
-    (noise,) = estimate_noise(loads(power_W), np.zeros(60))
+    wandering = loads(power_W)
+    (noise,) = estimate_noise(wandering, Replicates.of(wandering), np.zeros(60))
     assert noise.differences == 4 * 14  # of each set point, less one
 
 
 def test_a_sweep_over_power_has_no_replicates() -> None:
-    (noise,) = estimate_noise(loads(np.linspace(300.0, 1500.0, 50)), np.zeros(50))  # steps of 24 W
+    sweep = loads(np.linspace(300.0, 1500.0, 50))  # steps of 24 W
+    (noise,) = estimate_noise(sweep, Replicates.of(sweep), np.zeros(50))
     assert noise.differences == 0
 
 
@@ -159,7 +166,7 @@ def test_replicates_count_with_what_they_say(noise_K: float) -> None:
     """A floor of 0.2 K and the margin of an estimate are cautions: what is left and replicates agree on less."""
     observations = heavy_sink(noise_K)
     residual = np.where(observations.of("T_heatsink_C"), observations.value - 40.0, 0.0)
-    noise = estimate_noise(observations, residual)
+    noise = estimate_noise(observations, Replicates.of(observations), residual)
     first = sigma_of(observations, noise)
     sigma = looked_at(observations, noise, first, residual / first)
     usual = np.median(sigma[observations.of("T_heatsink_C")])
@@ -170,7 +177,7 @@ def test_replicates_count_with_what_they_say(noise_K: float) -> None:
 def test_replicates_that_drift_do_not_undo_what_is_taken_for_noise() -> None:
     observations = heavy_sink(0.6)
     residual = np.where(observations.of("T_heatsink_C"), observations.value - 40.0, 0.0)
-    noise = estimate_noise(observations, residual)
+    noise = estimate_noise(observations, Replicates.of(observations), residual)
     first = 0.2 * sigma_of(observations, noise)
     left = np.random.default_rng(9).standard_normal(first.size)
     sigma = looked_at(observations, noise, first, left)
@@ -181,7 +188,7 @@ def test_replicates_that_drift_do_not_undo_what_is_taken_for_noise() -> None:
 def test_replicates_that_share_their_rounding_do_not_deny_it() -> None:
     exact = loads(np.tile(SET_POINTS, 15))
     observations = replace(exact, value=10.0 * np.round(exact.value / 10.0))
-    noise = estimate_noise(observations, np.zeros(60))
+    noise = estimate_noise(observations, Replicates.of(observations), np.zeros(60))
     first = sigma_of(observations, noise)
     left = np.random.default_rng(10).uniform(-5.0, 5.0, 60) / first
     sigma = looked_at(observations, noise, first, left)
@@ -191,7 +198,7 @@ def test_replicates_that_share_their_rounding_do_not_deny_it() -> None:
 
 def test_a_single_reading_far_off_is_widened_and_the_others_are_not() -> None:
     observations = loads(np.linspace(300.0, 1500.0, 60))
-    noise = estimate_noise(observations, np.zeros(60))
+    noise = estimate_noise(observations, Replicates.of(observations), np.zeros(60))
     left = np.random.default_rng(1).standard_normal(60)
     left[7], first = 30.0, np.full(60, 0.1)
     sigma = looked_at(observations, noise, first, left)

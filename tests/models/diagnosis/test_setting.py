@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import locations, smooth_covariance
-from models.diagnosis.noise import estimate_noise
+from models.diagnosis.noise import Replicates, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.setting import FirstSight, Setting, set_up
 from models.diagnosis.signatures import Signatures, signatures
@@ -44,7 +44,7 @@ def setting(observations: Observations, known: Signatures, error_W: Array | floa
     kept = known.finite()
     off = replace(observations, value=observations.value + error_W).take(kept)
     there = known.take(kept)
-    noise = estimate_noise(off, off.value - there.baseline)
+    noise = estimate_noise(off, Replicates.of(off), off.value - there.baseline)
     return set_up(FirstSight.of(off, Model.baseline(), there, noise))
 
 
