@@ -198,7 +198,7 @@ class Diagnosis:
             **self.added[cause.effect].as_plain(),
             "parameters": parameters,
             "tied_with": list(cause.tied_with),
-            "says": entry.says,
+            "says": entry.says_at(term.value),
             "check": entry.check_at(term.value),
         }
 

@@ -94,7 +94,8 @@ class EffectParameter:
 class Effect:
     """An entry of the catalogue: a name, parameters (headline first), a sentence, a check on the bench.
 
-    ``below_off`` is what to check first where the headline comes out below off, which the effect itself does not do.
+    ``says`` what is wrong, and ``says_below`` where the headline comes out below off, if that is another sentence;
+    ``below_off`` is what to check first there, where the effect itself does no such thing.
     ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. What rises
     with the square of frequency may flatten about the harmonic ``flattens_from``, one sigma; what is lost in the
     core of ``core_of``, inductor or transformer, depends on that core's temperature as well.
@@ -108,6 +109,7 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     says: str
     check_on_bench: str
+    says_below: str = ""
     below_off: str = ""
     threshold: bool = False
     law: float = 0.02
@@ -141,6 +143,10 @@ class Effect:
         for p in self.parameters[1:]:
             found = [{**chosen, p.name: value} for chosen in found for value in (p.scan or (p.off,))]
         return found
+
+    def says_at(self, value: float) -> str:
+        """What is wrong where the headline came out at a value."""
+        return self.says_below if self.says_below and value < self.headline.off else self.says
 
     def check_at(self, value: float) -> str:
         """What to check on the bench where the headline came out at a value."""

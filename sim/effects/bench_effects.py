@@ -193,6 +193,7 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         law=0.1,
         over_time=True,
         says="losses rise over the campaign: something warms up more slowly than the settling waits for",
+        says_below="losses fall over the campaign: an instrument that drifts, or something that needs long to warm up",
         check_on_bench="repeat the first point at the end; wait longer before the first point",
         below_off=(
             "losses that fall while the bench warms up are rather an instrument's drift: warm the analyzer up for its "

@@ -137,6 +137,7 @@ SCALINGS: tuple[Effect, ...] = (
             "the windings' resistance at the switching frequency is higher than modelled: skin and "
             "proximity effect"
         ),
+        says_below="the windings' resistance rises less with frequency than modelled: finer strands, or fewer layers",
         check_on_bench=(
             "measure inductor and transformer with an impedance analyzer from dc to ten times the "
             "switching frequency"
@@ -148,7 +149,8 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.01, 0.08, (-0.3, 0.3)),
         paths=("inductor.inductance_H",),
         change=_scaled,
-        says="the link inductance differs from its nominal value",
+        says="the link inductance is higher than its nominal value: choke, or the transformer's leakage beside it",
+        says_below="the link inductance is lower than its nominal value: choke, air gap, or less leakage than counted",
         check_on_bench=(
             "make sure that the bench switched at the model's frequency; then measure the series inductance with "
             "the transformer in place, secondary shorted, at that frequency"
@@ -185,7 +187,8 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("transformer.magnetizing_H",),
         change=_replaced,
         law=0.05,
-        says="the magnetizing inductance differs: an air gap in the transformer's core, or another grade",
+        says="the magnetizing inductance is higher than modelled: less air gap in the core, or another grade",
+        says_below="the magnetizing inductance is lower than modelled: an air gap in the core, or another grade",
         check_on_bench="measure the transformer's open-circuit inductance at working flux",
     ),
     ParameterEffect(
@@ -195,7 +198,8 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("dead_time_s",),
         change=_shortened_to_nothing_at_most,
         law=0.05,
-        says="the dead time at the gates differs from its set value",
+        says="the dead time at the gates is longer than set: drivers that switch on late, or another setting",
+        says_below="the dead time at the gates is shorter than set: drivers that switch off late, or another setting",
         check_on_bench="measure period and both gate signals of one leg at the switches with an oscilloscope",
     ),
     ParameterEffect(
@@ -208,6 +212,10 @@ SCALINGS: tuple[Effect, ...] = (
             "the secondary's gates come later than the primary's by more than modelled: driver or "
             "isolator delay"
         ),
+        says_below=(
+            "the primary's gates come later than the secondary's by more than modelled: "
+            "driver or isolator delay"
+        ),
         check_on_bench="measure the gates of S1 and Q1 against their commands with an oscilloscope",
     ),
     ParameterEffect(
@@ -218,6 +226,7 @@ SCALINGS: tuple[Effect, ...] = (
         change=_added,
         law=0.05,
         says="the inner switches drop more than the datasheet's typical value: gate voltage, batch or ageing",
+        says_below="the inner switches drop less than the datasheet's typical value: batch, or a cautious datasheet",
         check_on_bench="measure the saturation voltage at load with a clamp probe, and the gate voltage",
     ),
     ParameterEffect(
@@ -227,7 +236,8 @@ SCALINGS: tuple[Effect, ...] = (
         paths=tuple(f"{s}.on.resistance_Ohm" for s in _SIC),
         change=_scaled,
         law=0.05,
-        says="the SiC switches' on-resistance is higher than the datasheet's typical value",
+        says="the FETs' on-resistance is higher than the datasheet's typical value: gate voltage, batch or ageing",
+        says_below="the FETs' on-resistance is lower than the datasheet's typical value: batch, or cooler than thought",
         check_on_bench=(
             "measure drain-source voltage at dc load current with the gate on, at working temperature"
         ),
@@ -240,6 +250,7 @@ SCALINGS: tuple[Effect, ...] = (
         change=_scaled,
         law=0.05,
         says="the clamp diodes drop more than the datasheet's typical value",
+        says_below="the clamp diodes drop less than the datasheet's typical value",
         check_on_bench="measure the clamp diodes' forward voltage at load current and working temperature",
     ),
     ParameterEffect(
@@ -252,6 +263,10 @@ SCALINGS: tuple[Effect, ...] = (
         says=(
             "the primary switches lose more at turn-off than the datasheet scales to: gate resistor, "
             "stray inductance, tail current"
+        ),
+        says_below=(
+            "the primary switches lose less at turn-off than the datasheet scales to: gate resistor, or a voltage "
+            "far below that of the datasheet"
         ),
         check_on_bench=(
             "double-pulse test of the primary leg at the voltage that it switches, or change the gate resistor and "
@@ -269,6 +284,10 @@ SCALINGS: tuple[Effect, ...] = (
             "the secondary switches lose more at turn-off than the datasheet scales to: gate resistor, "
             "stray inductance"
         ),
+        says_below=(
+            "the secondary switches lose less at turn-off than the datasheet scales to: gate resistor, or a voltage "
+            "far below that of the datasheet"
+        ),
         check_on_bench="double-pulse test of the secondary leg, or change the gate resistor and re-measure",
     ),
     ParameterEffect(
@@ -278,7 +297,8 @@ SCALINGS: tuple[Effect, ...] = (
         paths=tuple(f"{s}.capacitance.zero_bias_F" for s in _SIC),
         change=_scaled,
         law=0.1,
-        says="the SiC switches' nodes have more capacitance than modelled: device, snubber or board",
+        says="the FETs' nodes have more capacitance than modelled: device, snubber or board",
+        says_below="the FETs' nodes have less capacitance than modelled: device, or a snubber that is not there",
         check_on_bench="time the node's voltage slope in the dead time at a known current",
     ),
     ParameterEffect(
@@ -293,6 +313,7 @@ SCALINGS: tuple[Effect, ...] = (
         change=_scaled,
         law=0.15,
         says="diodes lose more at hard commutation than modelled: recovery charge",
+        says_below="diodes lose less at hard commutation than modelled: recovery charge",
         check_on_bench="look at the turn-on current's overshoot at a hard edge, cold and warm",
     ),
     ParameterEffect(
@@ -306,6 +327,7 @@ SCALINGS: tuple[Effect, ...] = (
         says=(
             "the transformer's core loses more than its material data say: grade, gap, dc bias or temperature"
         ),
+        says_below="the transformer's core loses less than its material data say: a better grade, or temperature",
         check_on_bench="measure no-load power at rated voltage, and the core's temperature",
     ),
     ParameterEffect(
@@ -317,6 +339,7 @@ SCALINGS: tuple[Effect, ...] = (
         law=0.1,
         core_of="inductor",
         says="the inductor's core loses more than its material data say: fringing at the gap, grade, dc bias",
+        says_below="the inductor's core loses less than its material data say: a better grade, or temperature",
         check_on_bench="compare the inductor's temperature at equal rms current and different ripple",
     ),
     ParameterEffect(
@@ -360,6 +383,7 @@ SCALINGS: tuple[Effect, ...] = (
         change=_scaled,
         law=0.05,
         says="the heatsink runs hotter for its loss than modelled: fan, dust, mounting",
+        says_below="the heatsink runs cooler for its loss than modelled: air flow, or a sensor far from the parts",
         check_on_bench="compare the heatsink's temperature with its loss at steady state; look at the fan",
     ),
 )

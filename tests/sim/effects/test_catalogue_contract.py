@@ -1,6 +1,7 @@
 """One contract for every effect of the catalogue: off is off, smooth, bounded, in its own stage."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -236,10 +237,24 @@ def test_parameters_have_units_and_scales_inside_their_bounds(entry: Effect) -> 
 
 @EVERY
 def test_it_says_what_is_wrong_and_what_to_check(entry: Effect) -> None:
-    for sentence in (entry.says, entry.check_on_bench):
+    for sentence in (entry.says, entry.says_at(entry.headline.lower), entry.check_on_bench):
         assert len(sentence.split()) >= 5
         assert not sentence.endswith(".")
         assert "  " not in sentence
+
+
+_ONE_WAY = re.compile(r"\b(more|less|higher|lower|longer|shorter|later|hotter|cooler|rises?|falls?)\b")
+
+
+@EVERY
+def test_a_sentence_that_says_which_way_says_the_other_way_below_off(entry: Effect) -> None:
+    """A resistance that comes out too low is not told as too high."""
+    head = entry.headline
+    above, below = (_ONE_WAY.findall(entry.says_at(value)) for value in (head.upper, head.lower))
+    if not entry.threshold and head.lower < head.off:
+        assert bool(above) == bool(below)
+        assert not above or entry.says_at(head.lower) != entry.says_at(head.upper)
+    assert entry.says_at(head.off) == entry.says_at(head.upper) == entry.says
 
 
 @EVERY
