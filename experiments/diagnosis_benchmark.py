@@ -3,10 +3,11 @@
 Every table is that of a lab of its own (parts off by their tolerance, analyzer errors, drift) that hides something:
 a resistance, a threshold, an edge, two causes at once, what takes power from rows, nothing. The bar is for the
 slowest, on the wall, each lab by the median of a few runs, since machines are shared; the quickest and the slowest run
-and processor time are beside it. A diagnosis as a process of its own, from a file to page and JSON answer, adds the
-drawing and what Python takes to begin with.
+and processor time are beside it. Seconds depend on the machine and on what else runs there, so each stands beside a
+peer of the same run: XGBoost, training D²EA's trees on the same table. A diagnosis as a process of its own, from a file
+to page and JSON answer, adds the drawing and what Python takes to begin with.
 
-``--scale`` thins the labs. Seconds depend on the machine and on what else runs there.
+``--scale`` thins the labs.
 """
 
 import os
@@ -19,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from bench.training import simulated_table
 from experiments.blind.trial import BlindTrial, measured
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Goal, Result, Table
@@ -27,6 +29,9 @@ from experiments.simulator.points import at_most
 from experiments.simulator.speed import processor_s
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
+from models.splits import split_simulation
+from models.surrogate import train_d2ea
+from sim.model import Model
 
 FIRST_SEED = 21_500
 PROCESSES = 2  # as the command takes
@@ -47,7 +52,8 @@ _LEAST_POINTS = 30  # of the first diagnosis, which is not timed: what is made o
 class Cost:
     """One diagnosis: points asked, what was hidden, the verdict, and seconds on the wall and on the processor.
 
-    Seconds are those of several runs, in order of their length; on the processor their mean.
+    Seconds are those of several runs, in order of their length; on the processor their mean. ``trees_s`` is the median
+    of as many trainings of D²EA's trees on the same table, each after a run.
     """
 
     points: int
@@ -55,11 +61,17 @@ class Cost:
     verdict: str
     runs_s: tuple[float, ...]
     processor_s: float
+    trees_s: float
 
     @property
     def seconds(self) -> float:
         """The median run."""
         return float(np.median(self.runs_s))
+
+    @property
+    def trainings(self) -> float:
+        """How many trainings of D²EA's trees a diagnosis takes as long as."""
+        return self.seconds / self.trees_s
 
 
 def run(settings: Settings) -> Result:
@@ -68,9 +80,10 @@ def run(settings: Settings) -> Result:
     countdown = Countdown(len(BARS_S) * len(chosen) + 1, settings)
     diagnose(load_measurements(measured(_trial(0, min(BARS_S))).head(_LEAST_POINTS)))
     costs = []
+    simulated = _simulated()
     for points in BARS_S:
         for number in range(len(chosen)):
-            costs.append(cost(_trial(number, points), settings))
+            costs.append(cost(_trial(number, points), simulated, settings))
             countdown.finished(f"{points} points, {costs[-1].hidden}")
     whole = process_s(measured(_trial(0, min(BARS_S))), settings)
     countdown.finished("a process of its own")
@@ -90,19 +103,31 @@ def _trial(number: int, points: int) -> BlindTrial:
     return BlindTrial(row="benchmark", seed=FIRST_SEED + number, hidden=HIDDEN[number], points=points)
 
 
-def cost(trial: BlindTrial, settings: Settings) -> Cost:
-    """The time of one diagnosis, from the table on."""
-    table, runs_s, before_s = measured(trial), list[float](), processor_s()
+def _simulated() -> pd.DataFrame:
+    """The paper's grid, and of its feasible points the share that D²EA's first trees learn from."""
+    table = simulated_table(Model.baseline())
+    return table.iloc[split_simulation(table, seed=FIRST_SEED).train]
+
+
+def cost(trial: BlindTrial, simulated: pd.DataFrame, settings: Settings) -> Cost:
+    """The time of one diagnosis, from the table on, and of D²EA's training on it beside ``simulated`` points."""
+    table, runs_s, trees_s, used_s = measured(trial), list[float](), list[float](), 0.0
+    loaded = load_measurements(table).loaded()
     for _ in range(RUNS):
-        start_s = settings.now()
+        start_s, before_s = settings.now(), processor_s()
         verdict = diagnose(load_measurements(table), processes=PROCESSES).as_plain()["verdict"]
         runs_s.append(settings.now() - start_s)
+        used_s += processor_s() - before_s
+        start_s = settings.now()
+        train_d2ea(simulated, loaded)
+        trees_s.append(settings.now() - start_s)
     return Cost(
         points=trial.points,
         hidden=" + ".join(trial.names) or "nothing",
         verdict=verdict,
         runs_s=tuple(sorted(runs_s)),
-        processor_s=(processor_s() - before_s) / RUNS,
+        processor_s=used_s / RUNS,
+        trees_s=float(np.median(trees_s)),
     )
 
 
@@ -130,9 +155,23 @@ def _goal(points: int, costs: list[Cost]) -> Goal:
 
 def _table(costs: list[Cost]) -> Table:
     rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (c.points, c.hidden, c.verdict, c.seconds, c.runs_s[0], c.runs_s[-1], c.processor_s) for c in costs
+        (
+            c.points,
+            c.hidden,
+            c.verdict,
+            c.seconds,
+            c.runs_s[0],
+            c.runs_s[-1],
+            c.processor_s,
+            c.trees_s,
+            c.trainings,
+        )
+        for c in costs
     )
-    columns = ("points", "hidden", "verdict", "s, median", "quickest", "slowest", "s of processor time")
+    columns = (
+        "points", "hidden", "verdict", "s, median", "quickest", "slowest", "s of processor time", "D²EA's training, s",
+        "times that",
+    )  # fmt: skip
     return Table(title="Diagnoses with the whole catalogue and all channels", columns=columns, rows=rows)
 
 

@@ -25,6 +25,7 @@ _FEW = 50  # points that are looked for at many phases at once: it costs no more
 _AROUND = np.linspace(1.0, 0.0, 14)[1:-1] ** 2
 _STARTS = (0.2, 0.4, 0.6, 0.8)  # of a bracket
 _BISECT = 6  # every so many steps the bracket is halved, in case the secant creeps
+_JUMP = 1e-9  # of Th: power that misses its goal on either side of so narrow a bracket jumps over it
 _SCAN = np.linspace(-1.0, 1.0, 13)  # of a peak: two scans narrow the phase to 2e-3, the power to 1e-5
 _SCANS = 2
 _SCAN_ROUNDS = 3  # of Newton's rule: its error is then below that of the scan
@@ -41,7 +42,10 @@ def lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """States (6, N), whether the power is met, the end of the rising branch, the most that flows, the orbit at 1/2."""
+    """States (6, N), whether the power is met, the end of the rising branch, the most that flows, the orbit at 1/2.
+
+    ``most_W`` is NaN where it is not why the power is not met.
+    """
 
     state: Array
     reached: NDArray[np.bool_]
@@ -140,7 +144,8 @@ class Bracketed:
         at = self.edges + SHIFT * (self.way * search.phase)
         start_A = self.excess_A + lossless_start_A(self.circuit, at + self.delay)
         state = np.concatenate([start_A[None], self.delay, (self.way * search.phase)[None]])
-        return Found(state=state, reached=search.reached, limit=limit, most_W=most_W, farthest=orbit)
+        told_W = np.where(search.reached | search.short, most_W, np.nan)
+        return Found(state=state, reached=search.reached, limit=limit, most_W=told_W, farthest=orbit)
 
     def _lossless_phase(self, share: Array, limit: Array) -> Array:
         """Smallest phase of a share of the power at the limit, on the lossless curve of edges with the last delays."""
@@ -230,8 +235,8 @@ class _Search:
         )  # fmt: skip
 
     def busy(self) -> Index:
-        """Points neither reached nor out of reach."""
-        return np.flatnonzero(~self.reached & ~self.short)
+        """Points neither reached nor out of reach, whose power does not jump over its goal."""
+        return np.flatnonzero(~self.reached & ~self.short & (self.high - self.low > _JUMP))
 
     def descend(self, most_W: Array, phase: Array) -> None:
         """From the power at the upper end to a first phase below; a goal within the tolerance of the most is met."""

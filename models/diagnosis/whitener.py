@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dpotri
 
 from models.diagnosis.triangular import root_solved
 
@@ -155,5 +155,5 @@ def _inverse(root: Array) -> Array:
     """The inverse of a matrix from its lower root."""
     if not root.size:
         return root
-    inverse_root = dtrtri(root, lower=1)[0]
-    return np.asarray(inverse_root.T @ inverse_root)
+    lower = dpotri(root, lower=1)[0]  # LAPACK leaves the other triangle as it was
+    return np.asarray(np.tril(lower) + np.tril(lower, -1).T)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from experiments import diagnosis_benchmark
@@ -11,12 +12,19 @@ from experiments.harness.settings import Settings
 
 
 def test_a_cost_is_of_whole_diagnoses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ticks = iter((10.0, 13.5, 20.0, 22.5, 30.0, 31.0))
+    ticks = iter((10.0, 13.5, 14.0, 14.5, 20.0, 22.5, 23.0, 23.4, 30.0, 31.0, 32.0, 33.0))
+    trained, simulated = list[tuple[int, int]](), pd.DataFrame({"D1": [0.9] * 7})
     settings = Settings(out=tmp_path, now=lambda: next(ticks))
     monkeypatch.setattr(diagnosis_benchmark, "RUNS", 3)
-    found = cost(diagnosis_benchmark._trial(1, 24), settings)
+    monkeypatch.setattr(
+        diagnosis_benchmark, "train_d2ea", lambda *tables: trained.append(tuple(map(len, tables)))
+    )
+    found = cost(diagnosis_benchmark._trial(1, 24), simulated, settings)
     assert (found.points, found.hidden, found.seconds) == (24, "link_resistance", 2.5)
     assert found.runs_s == (1.0, 2.5, 3.5)
+    assert (found.trees_s, found.trainings) == (0.5, 5.0)
+    ((few, rows),) = set(trained)
+    assert few == 7 < 24 <= rows  # the table's rows that carry load, references among them
     assert found.verdict in ("named", "group", "consistent", "unknown")
     assert found.processor_s > 0
 
@@ -24,12 +32,13 @@ def test_a_cost_is_of_whole_diagnoses(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_the_slowest_lab_is_held_against_the_bar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seconds = iter((1.0, 2.0, 3.0, 4.0))
 
-    def timed(trial: object, settings: Settings) -> Cost:
+    def timed(trial: object, simulated: pd.DataFrame, settings: Settings) -> Cost:
         points, median_s = getattr(trial, "points", 0), next(seconds)
         runs_s = (0.5 * median_s, median_s, 9.0)
-        return Cost(points=points, hidden="x", verdict="named", runs_s=runs_s, processor_s=0.1)
+        return Cost(points=points, hidden="x", verdict="named", runs_s=runs_s, processor_s=0.1, trees_s=2.0)
 
     monkeypatch.setattr(diagnosis_benchmark, "cost", timed)
+    monkeypatch.setattr(diagnosis_benchmark, "_simulated", pd.DataFrame)
     monkeypatch.setattr(diagnosis_benchmark, "process_s", lambda *_: (1.0, 1.0))
     monkeypatch.setattr(diagnosis_benchmark, "diagnose", lambda _: None)
     result = run(Settings(out=tmp_path, scale=0.4))

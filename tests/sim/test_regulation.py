@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sim.bracket import Bracketed
+from sim.model import Model
+from sim.operating_points import Points
 from sim.prototype import prototype
 from sim.regulation import Regulated, carried, regulate
+from sim.simulate import simulate
 from sim.steady_state import COARSE, Circuit, periodic
 from tests.sim.orbits import PHASE_SHIFT, circuit, edges_at, random_duties
 
@@ -138,3 +142,19 @@ def test_a_warm_start_ends_at_the_same_phase(scan: Scan) -> None:
     assert warm.reached.all()
     # the power's tolerance of 2e-7 over a slope of a tenth of the power per phase at least
     np.testing.assert_allclose(warm.phase, cold.phase, atol=1e-5)
+
+
+def test_a_power_that_jumps_over_what_is_asked_is_not_told_as_the_most(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A choke that saturates in steps: no phase carries just this power, and a watt more or less is carried."""
+    saturating = Model.baseline().with_effect("inductor_saturation", relative_drop=0.25)
+    at, asked_W = {"D1": 0.4966830149472825, "D2": 0.12257459298940498}, 1702.682172776117
+    around = simulate(saturating, Points(**at, power_W=asked_W + np.array([-0.5, 0.5])))
+    assert around.feasible.all()
+    looked = list[int]()
+    orbit = Bracketed.orbit
+    monkeypatch.setattr(Bracketed, "orbit", lambda self, *a: (looked.append(1), orbit(self, *a))[1])
+    there = simulate(saturating, Points(**at, power_W=asked_W))
+    assert there.reason.tolist() == ["no steady state found"]
+    assert len(looked) < 35  # orbits: 23 until the bracket is narrow enough to say so, 42 if it goes on to rounding
