@@ -1,9 +1,9 @@
 """``diagnose(measurements)``: what the simulation gets wrong, why, how sure, and what it is worth to know."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -282,22 +282,8 @@ def _diagnosed(
     refinery = with_laws_as_read(found.setting.refinery, found.fits)
     setting = replace(found.setting, refinery=refinery)
     hypotheses = posterior(refinery, found.fits)
-    nameless = unexplained(hypotheses, refinery)
-    alike = confirmed(setting, hypotheses[0])
-    judged = partial(
-        judge,
-        hypotheses,
-        refinery.geometry.whitener,
-        misfit=_misfit(setting, hypotheses),
-        agreement=alike[0].sigma if alike else 0.0,
-        leftover=0.0 if nameless is None else nameless.size,
-    )
-    verdict = judged()
-    worth = _worth(setting, hypotheses, verdict, seed)
-    if worth is not None and is_strained(refinery, found.fits, worth):
-        verdict, worth = judged(strained=True), None
-    if nameless is not None:
-        verdict = telling_of(verdict, nameless)
+    judged = _Judged.of(setting, hypotheses, found.fits, seed)
+    verdict, worth, nameless = judged.verdict, judged.worth, judged.nameless
     chosen = _leading(hypotheses, verdict)
     rivals = rivals_of(hypotheses, refinery, {name for group in verdict.groups for name in group})
     if worth is not None and processes > 1:
@@ -318,7 +304,7 @@ def _diagnosed(
         rivals=rivals,
         refinery=refinery,
         unexplained=nameless if nameless is not None and nameless.likely else None,
-        alike=[replace(c, row=measurements.rows[c.row]) for c in alike if c.sigma > BY_CHANCE],
+        alike=[replace(c, row=measurements.rows[c.row]) for c in judged.alike if c.sigma > BY_CHANCE],
         parts=parts_beyond(refinery, chosen) if verdict.stated else {},
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,
@@ -331,6 +317,38 @@ def _diagnosed(
         held_out=held_out,
         ahead=ahead,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Judged:
+    """A verdict with what it rests on: what its causes are worth, what no cause explains, readings that miss alike."""
+
+    verdict: Verdict
+    worth: Worth | None
+    nameless: Unexplained | None
+    alike: list[Confirmed]
+
+    @classmethod
+    def of(cls, setting: Setting, hypotheses: list[Hypothesis], fits: Sequence[Fit], seed: int) -> Self:
+        """The verdict of a posterior; causes that only doubted laws hold up are stated by none."""
+        refinery = setting.refinery
+        nameless = unexplained(hypotheses, refinery)
+        alike = confirmed(setting, hypotheses[0])
+        judged = partial(
+            judge,
+            hypotheses,
+            refinery.geometry.whitener,
+            misfit=_misfit(setting, hypotheses),
+            agreement=alike[0].sigma if alike else 0.0,
+            leftover=0.0 if nameless is None else nameless.size,
+        )
+        verdict = judged()
+        worth = _worth(setting, hypotheses, verdict, seed)
+        if worth is not None and is_strained(refinery, fits, worth):
+            verdict, worth = judged(strained=True), None
+        if nameless is not None:
+            verdict = telling_of(verdict, nameless)
+        return cls(verdict=verdict, worth=worth, nameless=nameless, alike=alike)
 
 
 def _at_the_end(

@@ -157,4 +157,6 @@ def test_a_power_that_jumps_over_what_is_asked_is_not_told_as_the_most(
     monkeypatch.setattr(Bracketed, "orbit", lambda self, *a: (looked.append(1), orbit(self, *a))[1])
     there = simulate(saturating, Points(**at, power_W=asked_W))
     assert there.reason.tolist() == ["no steady state found"]
-    assert len(looked) < 35  # orbits: 23 until the bracket is narrow enough to say so, 42 if it goes on to rounding
+    assert (
+        len(looked) < 35
+    )  # orbits: 23 until the bracket is narrow enough to say so, 42 if it goes on to rounding
