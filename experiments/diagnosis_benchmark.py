@@ -156,18 +156,10 @@ def _goal(points: int, costs: list[Cost]) -> Goal:
 def _table(costs: list[Cost]) -> Table:
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
-            c.points,
-            c.hidden,
-            c.verdict,
-            c.seconds,
-            c.runs_s[0],
-            c.runs_s[-1],
-            c.processor_s,
-            c.trees_s,
-            c.trainings,
+            c.points, c.hidden, c.verdict, c.seconds, c.runs_s[0], c.runs_s[-1], c.processor_s, c.trees_s, c.trainings,
         )
         for c in costs
-    )
+    )  # fmt: skip
     columns = (
         "points", "hidden", "verdict", "s, median", "quickest", "slowest", "s of processor time", "D²EA's training, s",
         "times that",

@@ -112,7 +112,7 @@ def _started(parameters: tuple[EffectParameter], values: tuple[float, ...]) -> t
     return (replace(parameters[0], starts=values),)
 
 
-_SIC = ("primary.outer", "primary.switch", "secondary.switch")
+_FETS = ("primary.outer", "primary.switch", "secondary.switch")
 _Lm = float(prototype().transformer.magnetizing_H)
 
 SCALINGS: tuple[Effect, ...] = (
@@ -233,7 +233,7 @@ SCALINGS: tuple[Effect, ...] = (
         name="sic_on_resistance",
         stage="semiconductors",
         parameters=_relative(0.04, 0.4),
-        paths=tuple(f"{s}.on.resistance_Ohm" for s in _SIC),
+        paths=tuple(f"{s}.on.resistance_Ohm" for s in _FETS),
         change=_scaled,
         law=0.05,
         says="the FETs' on-resistance is higher than the datasheet's typical value: gate voltage, batch or ageing",
@@ -294,7 +294,7 @@ SCALINGS: tuple[Effect, ...] = (
         name="output_capacitance",
         stage="semiconductors",
         parameters=_started(_relative(0.06, 0.7), (-0.3, 0.3, 0.7)),  # edges lose zero voltage one by one
-        paths=tuple(f"{s}.capacitance.zero_bias_F" for s in _SIC),
+        paths=tuple(f"{s}.capacitance.zero_bias_F" for s in _FETS),
         change=_scaled,
         law=0.1,
         says="the FETs' nodes have more capacitance than modelled: device, snubber or board",
@@ -309,7 +309,7 @@ SCALINGS: tuple[Effect, ...] = (
         # 20 % of it each part has for itself.
         parameters=_relative(0.35, 1.5, (-0.8, 15.0)),
         together=True,
-        paths=tuple(f"{d}.recovery.charge_C" for d in ("primary.clamp", *_SIC)),
+        paths=tuple(f"{d}.recovery.charge_C" for d in ("primary.clamp", *_FETS)),
         change=_scaled,
         law=0.15,
         says="diodes lose more at hard commutation than modelled: recovery charge",
