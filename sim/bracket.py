@@ -21,6 +21,7 @@ _BELOW = 8.0  # dead times below phase 0: delays of unequal edges carry power to
 _ROOT_STEPS = 40
 _TRIES = 9  # rounds of it
 _ROUND = 4  # every so many steps Newton's rule is tried inside the bracket
+_WIDE = 1e-3  # of Th: what it does not find in a narrower one is no smooth function's root
 _FEW = 50  # points that are looked for at many phases at once: it costs no more than two steps
 _AROUND = np.linspace(1.0, 0.0, 14)[1:-1] ** 2
 _STARTS = (0.2, 0.4, 0.6, 0.8)  # of a bracket
@@ -156,6 +157,7 @@ class Bracketed:
     def _settle(self, search: "_Search") -> None:
         """Newton's rule inside the brackets; of few points from several phases, of whose ends the lowest is taken."""
         busy = search.busy()
+        busy = busy[search.high[busy] - search.low[busy] > _WIDE]
         if not busy.size:
             return
         low, high = search.low[busy], search.high[busy]

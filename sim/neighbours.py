@@ -34,7 +34,7 @@ _ROUNDS = 8
 _AGAIN, _HANDFUL = 1, 40
 # times that those put aside have their response taken: rounds of a single point cost ten such looks
 _ANEW = 4
-_FEW, _SHARE = 60, 1 / 30  # of all: more would cost as much as they save
+_FEW, _SHARE = 600, 1 / 30  # of all: more would cost as much as they save
 _SHORTER = 0.5  # times the last step: a point whose steps are not is put aside
 _LEAST, _MOST = 0.2, 6.0  # how much of a step the last one may make of it
 _STATE_UNIT = (1.0, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)  # A, Th: start current, delays, phase

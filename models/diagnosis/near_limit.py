@@ -33,8 +33,9 @@ def margin(observations: Observations) -> float:
 
 def power_to_spare(observations: Observations, model: Model, least: float) -> NDArray[np.bool_]:
     """Readings (M,) of rows that a model could run with so much more power, relative, and of rows without any."""
-    p = observations.points
-    return can_run(model, replace(p, power_W=p.power_W * (1 + least)))[observations.row]
+    used, place = np.unique(observations.row, return_inverse=True)
+    p = observations.points.take(used)
+    return can_run(model, replace(p, power_W=p.power_W * (1 + least)))[place]
 
 
 def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result]:
