@@ -1,6 +1,6 @@
 """Runs the search, and once more without the rows that the leading cause brings close to the most they can carry."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -53,9 +53,7 @@ class Begun:
     @property
     def far_ahead(self) -> Fit | None:
         """The cause that leads all others by far, before anything is searched; None where there is none."""
-        first, *others = sorted(self.sight.tangents, key=lambda fit: -fit.log_evidence)
-        ahead = all(first.log_evidence > fit.log_evidence + _FAR_AHEAD for fit in others)
-        return first if first.terms and ahead else None
+        return leading_by_far(self.sight.tangents)
 
     def without_edge_of(self, fit: Fit, refinery: Refinery) -> "Begun | None":
         """The same of the rows that the causes of a fit leave power to spare; None where all are.
@@ -67,6 +65,13 @@ class Begun:
             return None
         names = [channel.name for channel in usable.observations.channels]
         return Begun.in_noise(usable, refinery.baseline, [n for n in self.noise if n.channel in names])
+
+
+def leading_by_far(tangents: Sequence[Fit]) -> Fit | None:
+    """The cause that is far likelier on its tangent than nothing and every other one; None where there is none."""
+    first, *others = sorted(tangents, key=lambda fit: -fit.log_evidence)
+    ahead = all(first.log_evidence > fit.log_evidence + _FAR_AHEAD for fit in others)
+    return first if first.terms and ahead else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,10 +6,12 @@ of efficiency at the measured points.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.held_out import HeldOut
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
 from models.diagnosis.whitener import Covariance, Whitener
@@ -84,24 +86,32 @@ class Worth:
         return held_out_gains(self.readings, self.cause, self.rival, self.seed)
 
 
-def _refitted(fit: Fit, residual: Array, whitener: Whitener, rows: NDArray[np.bool_]) -> Array:
-    """The fit's shift with its values fitted again on some readings (linear about the fit), at all readings."""
+def _refitted(fit: Fit, residual: Array, held_out: HeldOut) -> Array:
+    """The fit's shift with its values fitted again without what is held out (linear about the fit), at all readings."""
     if not fit.terms:
         return np.zeros_like(residual)
     slopes = np.stack([t.slope for t in fit.terms])
     prior = np.array([t.head.prior for t in fit.terms])
     pull = -np.array([t.distance for t in fit.terms]) / prior**2
-    weighted = whitener.solve(slopes[:, rows].T)
-    precision = slopes[:, rows] @ weighted + np.diag(prior**-2)
-    step = np.linalg.solve(precision, weighted.T @ (residual - fit.shift)[rows] + pull)
+    weighted = held_out.solve(slopes)
+    precision = weighted @ slopes.T + np.diag(prior**-2)
+    step = np.linalg.solve(precision, weighted @ (residual - fit.shift) + pull)
     return np.asarray(fit.shift + step @ slopes)
 
 
-def _leftover_on(readings: Readings, covariance: Covariance, rows: NDArray[np.bool_]) -> Array:
-    """A leftover in these directions fitted on some readings, whose covariance it is, at all readings."""
-    leftover = readings.leftover
-    solved = Whitener.of(covariance.wider(leftover[:, rows])).solve(readings.residual[rows])
-    return np.asarray(leftover.T @ (leftover[:, rows] @ solved))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fitted:
+    """Readings with their covariance factored, ``alone`` and with a leftover everywhere ``beside``."""
+
+    readings: Readings
+    alone: Whitener
+    beside: Whitener
+
+    @classmethod
+    def of(cls, readings: Readings) -> Self:
+        """Factored once for all blocks."""
+        c = readings.covariance
+        return cls(readings=readings, alone=Whitener.of(c), beside=Whitener.of(c.wider(readings.leftover)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,13 +160,14 @@ def _kinds(readings: Readings) -> list[_Blocks]:
 def _over_each(share: tuple[list[_Blocks], Readings, tuple[Fit, Fit | None], int]) -> list[Gain]:
     """The gains over some kinds of blocks."""
     kinds, readings, rivals, seed = share
-    return [_over(blocks, readings, rivals, seed) for blocks in kinds]
+    fitted = _Fitted.of(readings)
+    return [_over(blocks, fitted, rivals, seed) for blocks in kinds]
 
 
-def _over(blocks: _Blocks, readings: Readings, rivals: tuple[Fit, Fit | None], seed: int) -> Gain:
+def _over(blocks: _Blocks, fitted: _Fitted, rivals: tuple[Fit, Fit | None], seed: int) -> Gain:
     """The gain over one kind of blocks."""
-    observations, judged = readings.observations, blocks.judged
-    error = _held_out_errors(blocks, readings, *rivals) | {"before": readings.residual}
+    observations, judged = fitted.readings.observations, blocks.judged
+    error = _held_out_errors(blocks, fitted, *rivals) | {"before": fitted.readings.residual}
     # d(efficiency) = - efficiency * d(input power) / input power
     power = np.asarray(observations.points.power_W)[observations.row]
     scale = power[judged] / observations.value[judged] ** 2
@@ -183,22 +194,19 @@ def _inner(drawn: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _held_out_errors(blocks: _Blocks, readings: Readings, cause: Fit, rival: Fit | None) -> dict[str, Array]:
+def _held_out_errors(blocks: _Blocks, fitted: _Fitted, cause: Fit, rival: Fit | None) -> dict[str, Array]:
     """What each explanation, fitted to the other blocks, leaves of the judged readings, (M,) by name."""
-    residual, covariance = readings.residual, readings.covariance
+    residual, leftover = fitted.readings.residual, fitted.readings.leftover
     names = ("after", "leftover_only", "calibrated", *(("wrong_cause",) if rival else ()))
     error = {name: np.full(residual.size, np.nan) for name in names}
     for block in np.unique(blocks.place[blocks.judged]):
-        rows, out = blocks.place != block, (blocks.place == block) & blocks.judged
-        fitted = covariance.take(np.flatnonzero(rows))
-        whitener = Whitener.of(fitted)
-        left = residual - _refitted(cause, residual, whitener, rows)
-        error["after"][out] = left[out]
-        # noise is on the diagonal: between blocks, the covariance is that of spreads with their bends and of inaccuracy
-        pulled = np.zeros_like(residual)
-        pulled[rows] = whitener.solve(left[rows])
-        error["calibrated"][out] = left[out] - covariance.times(pulled)[out]
+        out = blocks.place == block
+        judged, held_out = out & blocks.judged, HeldOut.of(fitted.alone, out)
+        left = residual - _refitted(cause, residual, held_out)
+        error["after"][judged] = left[judged]
+        error["calibrated"][judged] = (left - held_out.predicted(left[None])[0])[judged]
         if rival is not None:
-            error["wrong_cause"][out] = (residual - _refitted(rival, residual, whitener, rows))[out]
-        error["leftover_only"][out] = (residual - _leftover_on(readings, fitted, rows))[out]
+            error["wrong_cause"][judged] = (residual - _refitted(rival, residual, held_out))[judged]
+        (pulled,) = HeldOut.of(fitted.beside, out).solve(residual[None])
+        error["leftover_only"][judged] = (residual - leftover.T @ (leftover @ pulled))[judged]
     return error

@@ -107,13 +107,13 @@ class Geometry:
     @classmethod
     def of(cls, whitener: Whitener, spreads: Array, leftovers: Leftovers) -> Self:
         """The geometry of a covariance that contains the ``spreads`` and none of the ``leftovers``."""
-        solved, by_blocks = whitener.solve(spreads.T), _by_blocks(leftovers.basis, whitener.blocks)
-        on_basis = _seen(by_blocks, len(leftovers.basis), solved)
+        solved, by_blocks = whitener.solve_directions(spreads), _by_blocks(leftovers.basis, whitener.blocks)
+        on_basis = _seen(by_blocks, len(leftovers.basis), solved.T)
         return cls(
             whitener=whitener,
             leftovers=leftovers,
-            spreads_solved=solved.T,
-            between_spreads=spreads @ solved,
+            spreads_solved=solved,
+            between_spreads=spreads @ solved.T,
             admitted=_admitted(leftovers, whitener.inner(leftovers.basis), on_basis),
             basis_by_blocks=by_blocks,
         )

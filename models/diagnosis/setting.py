@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -75,14 +76,12 @@ class Setting:
         return np.asarray(widest.amplitude_W * known.basis[widest.columns])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class FirstSight:
     """One look at what the best tangent leaves, and every effect on its tangent in the setting that this tells of."""
 
     bench: "_Bench"
     looked: "_Settled"
-    refinery: Refinery
-    tangents: list[Fit]
 
     @classmethod
     def of(
@@ -92,10 +91,18 @@ class FirstSight:
         rivals = leftovers(observations, known.per_watt, size("power", baseline.converter))
         noiseless = noiseless_covariance(observations, known)
         bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
-        looked = bench.settled(bench.begun(sigma_of(observations, noise)), looks=1)
-        plain = replace(bench, rivals=looked.rivals.among(frozenset()))  # nothing here asks about leftovers
-        told = plain.setting(looked.sigma, looked.doubt)
-        return cls(bench=bench, looked=looked, refinery=told.refinery, tangents=on_tangents(told.refinery))
+        return cls(bench=bench, looked=bench.settled(bench.begun(sigma_of(observations, noise)), looks=1))
+
+    @cached_property
+    def refinery(self) -> Refinery:
+        """In the setting that the look tells of; nothing here asks about leftovers."""
+        plain = replace(self.bench, rivals=self.looked.rivals.among(frozenset()))
+        return plain.setting(self.looked.sigma, self.looked.doubt).refinery
+
+    @cached_property
+    def tangents(self) -> list[Fit]:
+        """Nothing, and every effect on its tangent."""
+        return on_tangents(self.refinery)
 
 
 def set_up(sight: FirstSight) -> Setting:

@@ -38,18 +38,6 @@ class Covariance:
         """A matrix (M, M) of which no parts are known."""
         return cls(rows=(np.arange(len(matrix)),), own=(matrix,), common=np.empty((0, len(matrix))))
 
-    def take(self, chosen: Rows) -> Self:
-        """Some of the readings, in their order."""
-        place = np.full(self.common.shape[1], -1)
-        place[chosen] = np.arange(chosen.size)
-        kept = [np.flatnonzero(place[rows] >= 0) for rows in self.rows]
-        return replace(
-            self,
-            rows=tuple(place[rows[k]] for rows, k in zip(self.rows, kept, strict=True)),
-            own=tuple(own[np.ix_(k, k)] for own, k in zip(self.own, kept, strict=True)),
-            common=self.common[:, chosen],
-        )
-
     def noisier(self, variance: Array) -> Self:
         """The covariance with independent noise of such variances (M,) on top."""
         own = tuple(block + np.diag(variance[rows]) for rows, block in zip(self.rows, self.own, strict=True))
@@ -64,57 +52,40 @@ class Covariance:
         )
         return replace(self, own=own, common=np.concatenate([self.common, directions[~inside]]))
 
-    def times(self, vector: Array) -> Array:
-        """C times a vector (M,)."""
-        total = self.common.T @ (self.common @ vector)
-        for rows, own in zip(self.rows, self.own, strict=True):
-            total[rows] += own @ vector[rows]
-        return np.asarray(total)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Whitener:
     """A factored covariance: solves, and its log-determinant.
 
-    ``inverses`` are those of each block, and ``of_blocks`` is ln det B; ``common`` (K, M) are J, ``pulled`` (K, M)
-    J B^-1, and ``across`` (K, M) the same through the root of I + J B^-1 J^T: what blocks share.
+    ``inverses`` are those of each block; ``common`` (K, M) are J, and ``across`` (K, M) is J B^-1 through the ``root``
+    (K, K) of I + J B^-1 J^T: what blocks share.
     """
 
     blocks: tuple[Block, ...]
     inverses: tuple[Array, ...]
-    of_blocks: float
     common: Array
-    pulled: Array
+    root: Array
     across: Array
     log_determinant: float
 
     @classmethod
-    def of(cls, covariance: Covariance | Array) -> "Whitener":
+    def of(cls, covariance: Covariance | Array) -> Self:
         """Factor a covariance, or a plain matrix (M, M)."""
         parts = covariance if isinstance(covariance, Covariance) else Covariance.whole(covariance)
         roots = [cholesky(own, lower=True, check_finite=False) for own in parts.own]
-        none = np.empty((0, parts.common.shape[1]))
-        blocks = cls(
-            blocks=tuple(map(_stretch, parts.rows)),
-            inverses=tuple(map(_inverse, roots)),
-            of_blocks=2 * float(sum(np.sum(np.log(np.diag(root))) for root in roots)),
-            common=none,
-            pulled=none,
-            across=none,
-            log_determinant=0.0,
-        )
-        return blocks.beside(parts.common)
-
-    def beside(self, directions: Array) -> "Whitener":
-        """The same with more directions (k, M) in common; blocks are not factored again."""
-        more = np.empty_like(directions)
-        for block, inverse in zip(self.blocks, self.inverses, strict=True):
-            more[:, block] = directions[:, block] @ inverse
-        common, pulled = np.concatenate([self.common, directions]), np.concatenate([self.pulled, more])
+        blocks, inverses = tuple(map(_stretch, parts.rows)), tuple(map(_inverse, roots))
+        common, pulled = parts.common, np.empty_like(parts.common)
+        for block, inverse in zip(blocks, inverses, strict=True):
+            pulled[:, block] = common[:, block] @ inverse
         root = cholesky(np.eye(len(common)) + common @ pulled.T, lower=True, check_finite=False)
-        log_determinant = self.of_blocks + 2 * float(np.sum(np.log(np.diag(root))))
-        across = root_solved(root, pulled)
-        return replace(self, common=common, pulled=pulled, across=across, log_determinant=log_determinant)
+        return cls(
+            blocks=blocks,
+            inverses=inverses,
+            common=common,
+            root=root,
+            across=root_solved(root, pulled),
+            log_determinant=2 * float(sum(np.sum(np.log(np.diag(factor))) for factor in [*roots, root])),
+        )
 
     def solve(self, right: Array) -> Array:
         """C^-1 right, (M,) or (M, k)."""
@@ -122,6 +93,12 @@ class Whitener:
         for block, inverse in zip(self.blocks, self.inverses, strict=True):
             solved[block] = inverse @ right[block]
         return np.asarray(solved - self.across.T @ (self.across @ right))
+
+    def solve_directions(self, directions: Array) -> Array:
+        """C^-1 of directions (k, M), a row each; of the first that blocks have in common it is all but there."""
+        if np.array_equal(directions, self.common[: len(directions)]):
+            return root_solved(self.root, self.across, transposed=True)[: len(directions)]
+        return self.solve(directions.T).T
 
     def diagonal(self) -> Array:
         """The diagonal of C^-1, (M,)."""

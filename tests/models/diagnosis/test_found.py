@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from models.diagnosis import found as found_
-from models.diagnosis.found import Begun, find
+from models.diagnosis.found import Begun, find, leading_by_far
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import observe
 from models.diagnosis.search import search
@@ -132,17 +132,15 @@ def test_with_efficiency_alone_what_bends_is_known_after_the_search(
 def test_far_ahead_is_what_no_other_cause_comes_near(larger_inductance: Usable) -> None:
     begun = Begun.of(larger_inductance, BASELINE)
     first, tangents = begun.far_ahead, begun.sight.tangents
-
-    def among(fits: list[Fit]) -> Fit | None:
-        return replace(begun, sight=replace(begun.sight, tangents=fits)).far_ahead
-
     assert first is not None
     assert first.effects == ("leakage_inductance",)
     near = first.log_evidence - 9.0
+    close = [replace(f, log_evidence=near) if f.effects == ("fan_step",) else f for f in tangents]
+    assert leading_by_far(close) is None
     assert (
-        among([replace(f, log_evidence=near) if f.effects == ("fan_step",) else f for f in tangents]) is None
+        leading_by_far([replace(f, log_evidence=f.log_evidence + 1e6 * (not f.terms)) for f in tangents])
+        is None
     )
-    assert among([replace(f, log_evidence=f.log_evidence + 1e6 * (not f.terms)) for f in tangents]) is None
 
 
 def test_readings_far_off_mislead_no_first_sight() -> None:

@@ -45,23 +45,14 @@ def test_whitener_knows_the_log_determinant(covariance: Covariance | np.ndarray)
     assert Whitener.of(covariance).log_determinant == pytest.approx(expected, rel=1e-12)  # rounding
 
 
-def test_a_covariance_times_a_vector_is_that_of_the_matrix() -> None:
-    # rounding
-    np.testing.assert_allclose(PARTS.times(RIGHT[:, 0]), written_out(PARTS) @ RIGHT[:, 0], rtol=1e-12)
-
-
-def test_some_readings_keep_their_covariance() -> None:
-    chosen = np.array([1, 4, 5, 9])
-    expected = written_out(PARTS)[np.ix_(chosen, chosen)]
-    np.testing.assert_allclose(written_out(PARTS.take(chosen)), expected, rtol=1e-12)  # rounding
-
-
-def test_directions_beside_add_their_square() -> None:
-    more = RNG.standard_normal((2, READINGS))
-    whole = written_out(PARTS) + more.T @ more
-    wider = Whitener.of(PARTS).beside(more)
-    np.testing.assert_allclose(wider.solve(RIGHT), np.linalg.solve(whole, RIGHT), rtol=1e-9)  # as above
-    assert wider.log_determinant == pytest.approx(np.linalg.slogdet(whole)[1], rel=1e-12)  # rounding
+@pytest.mark.parametrize("covariance", [PARTS, written_out(PARTS)], ids=["parts", "whole"])
+def test_directions_that_blocks_have_in_common_are_solved_as_any_others(
+    covariance: Covariance | np.ndarray,
+) -> None:
+    whitener = Whitener.of(covariance)
+    for directions in (PARTS.common[:1], PARTS.common, PARTS.common[1:], RIGHT.T):
+        expected = np.linalg.solve(written_out(PARTS), directions.T).T
+        np.testing.assert_allclose(whitener.solve_directions(directions), expected, rtol=1e-9)  # as above
 
 
 def test_a_direction_inside_a_block_widens_it() -> None:
