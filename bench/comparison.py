@@ -9,6 +9,7 @@ import pandas as pd
 from bench.store import Store
 from bench.wording import counted, points_text
 from models.screening import LOADED_KINDS
+from models.set_points import set_power
 
 SAME_DUTY = 1e-3  # half periods: set points that differ by less are the same
 SAME_POWER_W = 1.0
@@ -84,8 +85,7 @@ def _at_set_points(table: pd.DataFrame) -> pd.DataFrame:
     if not len(table):
         return pd.DataFrame(columns=names, dtype=float)
     loaded = table[table["kind"].isin(LOADED_KINDS)].copy()
-    if "P_set_W" not in loaded:
-        loaded["P_set_W"] = loaded["P2_W"]
+    loaded["P_set_W"] = set_power(loaded, loaded["P2_W"])
     if "u_efficiency" not in loaded:
         loaded["u_efficiency"] = np.nan
     for key, name, step in (("D1", "D1", SAME_DUTY), ("D2", "D2", SAME_DUTY), ("P", "P_set_W", SAME_POWER_W)):

@@ -32,6 +32,7 @@ from experiments.harness.result import Table, shown
 from experiments.harness.settings import Settings, Step, Watch
 
 QUICK = 0.1
+_WITH_REFERENCE = "an experiment that compares with other people's points: simulator_benchmark"
 DEFAULT_FOLDER = Path("experiments-out")
 _LINE_EVERY_S = 10.0
 _COLOURS = {"met": "green", "found": "green", "missed": "bold red", "false name": "bold red"}
@@ -81,9 +82,13 @@ def experiment(
     )
     task = _Task(settings=settings, code=_code())
     if name == "all":
+        _refuse(only is not None, "--only", "one experiment that has parts, not all")
+        _refuse(reference is not None, "--reference", _WITH_REFERENCE)
         _all(task, again)
     else:
         found = _entry(name)
+        _refuse(again, "--again", "all: a single experiment is always run again")
+        _refuse(reference is not None and not found.experiment.reference, "--reference", _WITH_REFERENCE)
         _check_parts(found, settings.only)
         _print_page(task.run(found), out_folder)
 
@@ -118,6 +123,12 @@ def _code() -> str:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _refuse(given: bool, option: str, allowed: str) -> None:
+    """An option that would say nothing here."""
+    if given:
+        raise InputError.of("command line", option, None, f"is for {allowed}")
 
 
 def _check_parts(found: Entry, only: tuple[str, ...]) -> None:

@@ -14,13 +14,11 @@ from drivers.mocks.lab.laboratory import Laboratory
 from experiments.blind.answer import Answer
 from experiments.blind.reach import hideable
 from experiments.blind.scoring import Share
+from experiments.blind.trial import answered, efficiency_table
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from experiments.second_converter import MODEL_FILE, Bench, absent_effects
-from models.dataset import load_measurements
-from models.diagnosis.diagnose import diagnose
-from models.screening import LOADED_KINDS
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 
@@ -28,7 +26,6 @@ FIRST_SEED = 460_000
 NOTHING, POINTS = 40, 110
 ALL, ALONE = "all channels", "efficiency alone"
 _A_GAIN_HERE = "analyzer_range_step"  # the input current never leaves the lower range, where a step is a gain
-_EFFICIENCY = ["time_s", "D1", "D2", "P2_W", "efficiency"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,10 +64,10 @@ def diagnosed(model: Model, hidden: tuple[str, ...], seed: int) -> Iterator[Said
     """The answers to one lab: to all channels, and to efficiency alone."""
     lab = Laboratory.draw(seed=seed, hidden=dict.fromkeys(hidden), converter=model.converter)
     table = Bench(model, lab, seed).campaign(POINTS).drop(columns=["simulated", "true"])
-    alone = table.loc[table["kind"].isin(LOADED_KINDS), _EFFICIENCY]
+    alone = efficiency_table(table)
     for channels, measured in ((ALL, table), (ALONE, alone)):
-        found = diagnose(load_measurements(measured), model, without=absent_effects(model))
-        yield Said(hidden=hidden, seed=seed, channels=channels, answer=Answer.of(found.as_plain(), 0.0))
+        answer = answered(measured, model, without=absent_effects(model))
+        yield Said(hidden=hidden, seed=seed, channels=channels, answer=answer)
 
 
 def run(settings: Settings) -> Result:

@@ -70,4 +70,6 @@ def _parts(settings: Settings) -> dict[str, Callable[[], Findings]]:
     }
 
 
-EXPERIMENT = Experiment(title="Benchmark: the simulator against its bars", run=run, parts=PARTS, apart=True)
+EXPERIMENT = Experiment(
+    title="Benchmark: the simulator against its bars", run=run, parts=PARTS, apart=True, reference=True
+)

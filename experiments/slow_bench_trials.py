@@ -17,13 +17,11 @@ from experiments.blind.answer import Answer
 from experiments.blind.draws import log_uniform
 from experiments.blind.reach import hideable
 from experiments.blind.scoring import Share
-from experiments.blind.trial import BlindTrial, efficiency_table, laboratory
+from experiments.blind.trial import BlindTrial, answered, efficiency_table, laboratory
 from experiments.converter_trials import ALL, ALONE, verdict_table
 from experiments.harness.registry import Experiment
 from experiments.harness.result import Cell, Result, Table
 from experiments.harness.settings import Countdown, Settings
-from models.dataset import load_measurements
-from models.diagnosis.diagnose import diagnose
 
 FIRST_SEED = 490_000  # those from 470,000 on were looked at while the diagnosis learned of slow benches
 HEATSINK_S, WINDING_S = (120.0, 900.0), (300.0, 3600.0)
@@ -60,9 +58,7 @@ def diagnosed(trial: BlindTrial) -> Iterator[Said]:
     table = survey(replace(laboratory(trial), inertia=inertia), trial.plan, seed=trial.seed)
     tables = {ALL: table} if trial.hidden else {ALL: table, ALONE: efficiency_table(table)}
     for channels, measured in tables.items():
-        found = diagnose(load_measurements(measured))
-        answer = Answer.of(found.as_plain(), 0.0)
-        yield Said(trial=trial, inertia=inertia, channels=channels, answer=answer)
+        yield Said(trial=trial, inertia=inertia, channels=channels, answer=answered(measured))
 
 
 def run(settings: Settings) -> Result:

@@ -41,6 +41,7 @@ _LIMIT = 2e-3  # Assumption: of it, how well the simulator itself knows it
 _COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
 _FINE = np.arange(0.95, 1.05, 2e-4)  # and of what was found
 _STRIDE = 15
+_TIMES = 10  # the range of them is doubled or halved until it holds the most: up to a thousand times
 _STRETCH = 128  # places whose covariances fit a core's cache: all at once take four times as long
 
 
@@ -152,9 +153,19 @@ class CalibratedPhysics:
 
     def _limit_sigma(self) -> float:
         """Standard deviation of the most that can be carried, relative, with the widest pulses."""
-        (about_W,) = self._most_W([self.model], self.model.altered_converter().rated_power_W * _COARSE)
+        (about_W,) = self._most_W([self.model], self._around_the_most_W())
         nominal_W, *most_W = self._most_W([self.model, *self.variants], about_W * _FINE)
         return float(np.hypot(np.linalg.norm(np.array(most_W) / nominal_W - 1), _LIMIT))
+
+    def _around_the_most_W(self) -> Array:
+        """Powers of which the least is carried and the largest is not, about the rated one where that is among them."""
+        tried_W = self.model.altered_converter().rated_power_W * _COARSE
+        for _ in range(_TIMES):
+            least, largest = np.asarray(can_run(self.model, self._widest(tried_W[[0, -1]])))
+            if least and not largest:
+                break
+            tried_W = tried_W * (2.0 if least else 0.5)
+        return tried_W
 
     def _most_W(self, models: Sequence[Model], tried_W: Array) -> Array:
         """The largest of the ascending powers tried that each model carries: roughly, then among those near it."""
@@ -164,9 +175,12 @@ class CalibratedPhysics:
 
     def _last(self, models: Sequence[Model], tried_W: Array) -> NDArray[np.intp]:
         """Which of the powers is the last that each model carries, the first where it carries none."""
-        place = np.stack([np.ones_like(tried_W), np.zeros_like(tried_W), tried_W], axis=1)
-        carried = np.count_nonzero(each_can_run(models, self._points(place)), axis=1)
+        carried = np.count_nonzero(each_can_run(models, self._widest(tried_W)), axis=1)
         return np.asarray(np.maximum(carried - 1, 0))
+
+    def _widest(self, power_W: Array) -> Points:
+        """Powers (K,) with the widest pulses."""
+        return self._points(np.stack([np.ones_like(power_W), np.zeros_like(power_W), power_W], axis=1))
 
     def _now(self, place: Array, found: Result) -> Array:
         """Points (K, 3) with the time, the loss, and what the laws there may be wrong by."""

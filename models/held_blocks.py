@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from models.set_points import set_power
+
 CELL = (0.1, 0.1, 250.0)  # of D1, D2 in half periods, of power in W
 _SHARE = 0.2
 _ROUNDING = 1e-9  # 0.3 / 0.1 is less than 3: a round set point belongs to the cell above it
@@ -22,7 +24,7 @@ def held_out(measured: pd.DataFrame) -> NDArray[np.bool_]:
 
     The set power, where it is known, keeps repeated readings of one set point together.
     """
-    power = measured["P2_W"] if "P_set_W" not in measured else measured["P_set_W"].fillna(measured["P2_W"])
+    power = set_power(measured, measured["P2_W"])
     place = np.stack([measured["D1"], measured["D2"], power], axis=1).astype(np.float64)
     cells = np.floor(place / CELL + _ROUNDING).astype(int)
     distinct, member = np.unique(cells, axis=0, return_inverse=True)

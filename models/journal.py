@@ -106,6 +106,11 @@ class Journal:
         stack: list[str] = []
         for entry in self.decisions():
             if entry.decision is Choice.ROLLED_BACK:
+                if not stack:
+                    raise RegistryError(
+                        f"{self.path}: {entry.replaced} was taken back on {entry.when}, but no entry before says that "
+                        "it was in use: entries are missing"
+                    )
                 stack.pop()
             elif entry.decision is not Choice.KEPT_OUT and stack[-1:] != [entry.model]:
                 stack.append(entry.model)

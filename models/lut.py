@@ -17,7 +17,7 @@ power carries every smaller one, so keeping the modulation of the next larger lo
 A table is a function of power alone, with powers that rise: the controller has no state, hence no hysteresis.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -85,7 +85,7 @@ class Lut:
     soft_edges: Floats
     half_width: float = float("nan")
     lines: tuple[Line, ...] = ()
-    left_out_W: tuple[float, ...] = field(default=())
+    left_out_W: tuple[float, ...] = ()
 
     @property
     def unsound(self) -> tuple[Line, ...]:
@@ -178,32 +178,32 @@ def make_lut(optimum: OptimumTable, around: Surroundings, *, half_width: float =
     Raises ValueError when fewer than two loads can be: there is nothing to draw a line between.
     """
     order = np.argsort(optimum.power_W)
-    kept = order[np.isfinite(optimum.D1[order])]
-    power_W, D1, D2 = (values[kept] for values in (optimum.power_W, optimum.D1, optimum.D2))
-    if len(power_W) < 2:
-        raise ValueError(f"{len(power_W)} of {len(optimum.power_W)} loads can be carried; a table needs two")
-    candidates = _Candidates.around(power_W, D1, D2, around)
+    candidates = _carried(optimum, order[np.isfinite(optimum.D1[order])], around)
     chosen = candidates.best_path(around)
-    rows = np.arange(len(power_W))
+    power_W, rows = candidates.power_W, np.arange(candidates.power_W.size)
     predicted = candidates.value[rows, chosen]
     table = Lut(
         power_W=power_W,
         D1=candidates.D1[rows, chosen],
         D2=candidates.D2[rows, chosen],
         predicted=predicted,
-        price=np.nanmax(np.where(np.isfinite(candidates.value), candidates.value, np.nan), axis=1)
-        - predicted,
+        price=np.max(candidates.value, axis=1) - predicted,
         soft_edges=candidates.soft[rows, chosen].sum(axis=1).astype(float),
         half_width=half_width,
-        left_out_W=tuple(optimum.power_W[order[~np.isfinite(optimum.D1[order])]].tolist()),
+        left_out_W=tuple(np.setdiff1d(optimum.power_W, power_W).tolist()),
     )
-    return _checked(table, around)
+    return replace(table, lines=check_lines(table.frame(), around))
 
 
-def _checked(table: Lut, around: Surroundings) -> Lut:
-    lines = check_lines(table.frame(), around)
-    values = {name: getattr(table, name) for name in Lut.__dataclass_fields__}
-    return Lut(**(values | {"lines": lines}))
+def _carried(optimum: OptimumTable, loads: NDArray[np.intp], around: Surroundings) -> "_Candidates":
+    """The candidates of such of the loads, in their order, as have any that carries them."""
+    while len(loads) >= 2:
+        candidates = _Candidates.around(optimum.power_W[loads], optimum.D1[loads], optimum.D2[loads], around)
+        carried = np.any(np.isfinite(candidates.value), axis=1)
+        if np.all(carried):
+            return candidates
+        loads = loads[carried]
+    raise ValueError(f"{len(loads)} of {len(optimum.power_W)} loads can be carried; a table needs two")
 
 
 def check_lines(rows: pd.DataFrame, around: Surroundings) -> tuple[Line, ...]:

@@ -31,15 +31,16 @@ class LeastKnown:
 
 
 def least_known(model: CalibratedPhysics, place: Array, count: int) -> LeastKnown:
-    """The ``count`` points worth most among K places (K, 3) of D1, D2 and power in W."""
+    """The ``count`` points worth most among K places (K, 3) of D1, D2 and power in W, each of them once at most."""
     efficiency = model.predict(*place.T)
     known = np.flatnonzero(np.isfinite(efficiency))
     if not known.size:
         return LeastKnown(chosen=(), sigma=0.0)
     near = np.exp(-_short_of_best(efficiency[known], place[known, 2]) / _BELOW)
     open_, chosen, first = model.left_open(place[known]), list[int](), 0.0
-    for turn in range(count):
+    for turn in range(min(count, known.size)):
         worth = near * np.sqrt(np.maximum(np.diag(open_), 0.0))
+        worth[np.isin(known, chosen)] = -1.0
         best = int(np.argmax(worth))
         first = first if turn else float(worth[best])
         chosen.append(int(known[best]))

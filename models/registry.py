@@ -17,8 +17,8 @@ import hashlib
 import json
 import re
 import shutil
-import tempfile
-from collections.abc import Mapping
+import uuid
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -126,9 +126,21 @@ class Registry:
         return record
 
     def list(self) -> tuple[ModelRecord, ...]:
-        """All models, the oldest first."""
-        ids = sorted(path.parent.name for path in self.root.glob("*/metadata.json"))
-        return tuple(sorted((self.show(id) for id in ids), key=lambda record: (record.created, record.id)))
+        """All models that can be read, the oldest first."""
+        records = (each for each in self._each() if isinstance(each, ModelRecord))
+        return tuple(sorted(records, key=lambda record: (record.created, record.id)))
+
+    def unreadable(self) -> tuple[str, ...]:
+        """Why other models cannot be read, a sentence each: of another version, or damaged."""
+        return tuple(str(each) for each in self._each() if isinstance(each, RegistryError))
+
+    def _each(self) -> Iterator[ModelRecord | RegistryError]:
+        """What every folder holds, or why that cannot be read."""
+        for id in sorted(path.parent.name for path in self.root.glob("*/metadata.json")):
+            try:
+                yield self.show(id)
+            except RegistryError as error:
+                yield error
 
     def show(self, id: str) -> ModelRecord:
         """What is known of one model; raises RegistryError when it is not there or not readable."""
@@ -183,7 +195,8 @@ class Registry:
     def _write(self, record: ModelRecord, model: StagedModel, origin: Origin) -> None:
         """Write beside the final folder and move it there whole: a reader never meets half a model."""
         self.root.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=".new-", dir=self.root))
+        folder, final = self.root / f".new-{uuid.uuid4().hex}", self.root / record.id
+        folder.mkdir()
         try:
             for name, stage in zip(record.settings, model.stages, strict=True):
                 if isinstance(stage, BoostedTrees):
@@ -194,7 +207,15 @@ class Registry:
             (folder / "metadata.json").write_text(json.dumps(metadata, indent=2) + "\n")
             rows = {"fitted": origin.fitted, "held_out": origin.held_out}
             (folder / "rows.json").write_text(json.dumps(rows) + "\n")
-            folder.replace(self.root / record.id)
+            try:
+                folder.replace(final)
+            except OSError as error:
+                if not (
+                    final / "metadata.json"
+                ).is_file():  # else another process has just kept the same model
+                    raise RegistryError(
+                        f"{final}: cannot be written ({error.strerror}); if it is no model, move it away and try again"
+                    ) from error
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 

@@ -186,7 +186,7 @@ def kinds(given: pd.Series) -> pd.Series:
 def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """The table with times of day, or seconds of a clock, as seconds since its earliest row."""
     given, what = as_number(raw["time_s"]), "the seconds of a clock"
-    if pd.api.types.is_datetime64_any_dtype(raw["time_s"]):
+    if pd.api.types.infer_dtype(raw["time_s"]) in ("datetime64", "datetime"):
         given = given.mask(given.notna())  # nanoseconds of a calendar
     if given.isna().all() and raw["time_s"].notna().any():
         times = _times_of_day(raw["time_s"])
@@ -233,9 +233,9 @@ def _times_of_day(given: pd.Series) -> pd.Series:
 
 def _hours_of_a_day(given: pd.Series) -> pd.Series:
     """Times without a date, such as 22:14:05, as those of one day, and of the next ones after each midnight."""
-    times = pd.to_datetime(given.astype(str), errors="coerce", utc=True, format="%H:%M:%S.%f")
-    whole = pd.to_datetime(given, errors="coerce", utc=True, format="%H:%M:%S")
-    times = times.fillna(whole)
+    said = given.astype(str)  # what is a date already would be read by any format
+    times = pd.to_datetime(said, errors="coerce", utc=True, format="%H:%M:%S.%f")
+    times = times.fillna(pd.to_datetime(said, errors="coerce", utc=True, format="%H:%M:%S"))
     # rows out of order lie closer, midnight lies farther
     back = times.ffill().diff() < -pd.Timedelta(hours=12)
     return times + pd.to_timedelta(back.cumsum(), unit="D")

@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from models.set_points import set_power, together
+
 Rows = NDArray[np.intp]
 
 SIMULATION_SHARES = (0.1, 0.2, 0.7)  # train, test, validation (Table III)
@@ -56,14 +58,9 @@ def split_experiment(measured: pd.DataFrame, *, seed: int) -> Split:
 def set_points(measured: pd.DataFrame) -> Rows:
     """A number per row that repeated readings of one set point share.
 
-    Rows of equal D1 and D2 (to 4 decimals) belong together while their powers, in order, lie less than
-    2 % apart: further than a set power's readings scatter.
+    Rows of equal D1 and D2 (to 4 decimals) belong together where their set power is the same, or, where none was
+    noted, their powers lie within 2 %: further than a set power's readings scatter.
     """
-    D1, D2 = (measured[name].round(4).to_numpy() for name in ("D1", "D2"))
-    power = np.log(measured["P2_W"].to_numpy(dtype=np.float64))
-    order = np.lexsort((power, D2, D1))
-    steps = [np.diff(x[order], prepend=np.nan) for x in (D1, D2, power)]
-    new = (steps[0] != 0) | (steps[1] != 0) | (steps[2] > SAME_POWER)
-    groups = np.empty(len(order), dtype=np.intp)
-    groups[order] = np.cumsum(new) - 1
-    return groups
+    keys = [measured[name].round(4) for name in ("D1", "D2")]
+    power = set_power(measured, np.exp(together(np.log(measured["P2_W"]), keys, SAME_POWER)))
+    return np.asarray(measured.groupby([*keys, power], dropna=False).ngroup(), dtype=np.intp)

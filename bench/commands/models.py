@@ -26,13 +26,16 @@ SHOWN = 5  # rows and decisions, unless all are asked for
 @models_app.command("list")
 def list_(folder: Folder = DEFAULT_FOLDER) -> None:
     """All models, oldest first; the one in use is marked."""
-    records, used = Registry(folder).list(), Journal(folder).in_use()
+    registry, used = Registry(folder), Journal(folder).in_use()
+    records = registry.list()
     table = Table("", "id", "kind", "held-out error", "lab", "created", box=None)
     for record in records:
         error = f"{points_text(record.metrics.get(HELD_OUT))} points"
         lab = {True: "virtual", False: "hardware", None: "–"}[record.virtual]
         table.add_row("in use" * (record.id == used), record.id, record.kind, error, lab, record.created[:19])
     out.print(table if records else "no models yet; d2ea train and d2ea retrain make them")
+    for said in registry.unreadable():
+        out.print(escape(f"[not listed] {said}"), style="bold yellow")
 
 
 @models_app.command()

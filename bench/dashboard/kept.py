@@ -19,10 +19,7 @@ LABS = {True: "virtual lab", False: "hardware", None: "not stated"}
 
 def records(registry: Registry) -> tuple[ModelRecord, ...]:
     """All models that can be read, the oldest first."""
-    try:
-        return registry.list()
-    except RegistryError:
-        return ()
+    return registry.list()
 
 
 def in_use(registry: Registry) -> str | None:

@@ -1,7 +1,7 @@
 """Which seeds are whose: those that are scored were never looked at while a diagnosis was tuned.
 
-Every row of the table has ten thousand seeds of its own in either range, and a pool of designs (set points whose
-reach is computed once).
+Every row of the table has ten thousand seeds of its own in either range, the last one half of that; behind them is a
+pool of designs (set points whose reach is computed once).
 """
 
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ class Seeds:
     def of(self, row: str) -> Iterator[int]:
         """The seeds of one row, in their order."""
         start = self.first + _A_ROW * ROWS.index(row)
-        return iter(range(start, start + _A_ROW))
+        return iter(range(start, min(start + _A_ROW, self.first + _DESIGNS_FROM)))
 
     def design(self, number: int) -> int:
         """The seed of one of the pool's designs."""

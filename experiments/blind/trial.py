@@ -1,6 +1,7 @@
 """One blind trial: a virtual lab hides something, is measured, and the diagnosis is asked."""
 
 import time
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -29,17 +30,13 @@ from experiments.blind.sight import LEAST_SIGMA, Sight
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 from models.screening import LOADED_KINDS
+from sim.model import Model
 
 ORDINARY, HEAVY, CORRELATED, UNDERSTATED = "ordinary", "heavy tails", "autocorrelated", "under-stated"
 NOISES = (ORDINARY, HEAVY, CORRELATED, UNDERSTATED)
 _UNDERSTATED_BY = 1.5
-_EFFICIENCY_COLUMNS = [
-    "time_s",
-    "D1",
-    "D2",
-    "P2_W",
-    "efficiency",
-]  # when is known to the truth's isolability too
+# when is known to the truth's isolability too
+_EFFICIENCY_COLUMNS = ["time_s", "D1", "D2", "P2_W", "efficiency"]
 _LITTLE_LESS = 0.9  # of what is seen: an effect that leaves more in a nominal lab is no rival in another
 _U_OF = {"u_P1_W": ("P1_W", 3.5e-5), "u_P2_W": ("P2_W", 3.5e-5)}  # of reading: the mean of eight updates
 
@@ -205,11 +202,11 @@ def efficiency_table(table: pd.DataFrame) -> pd.DataFrame:
     return table.loc[table["kind"].isin(LOADED_KINDS), _EFFICIENCY_COLUMNS]
 
 
-def answered(table: pd.DataFrame) -> Answer:
-    """The diagnosis of a table, whatever comes of it."""
+def answered(table: pd.DataFrame, model: Model | None = None, *, without: Collection[str] = ()) -> Answer:
+    """The diagnosis of a table against a model, the prototype by default, whatever comes of it."""
     start_s = time.process_time()
     try:
-        plain = diagnose(load_measurements(table)).as_plain(ahead=False)
+        plain = diagnose(load_measurements(table), model, without=without).as_plain(ahead=False)
     except ValueError as error:  # of whatever kind: no answer is an answer that counts against it
         refused = f"{type(error).__name__}: {error}"
         return Answer(verdict=NO_ANSWER, refused=refused, cpu_s=time.process_time() - start_s)

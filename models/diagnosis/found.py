@@ -35,7 +35,8 @@ class Begun:
         More of it is taken where that is clearly likelier.
         """
         replicates = Replicates.of(usable.observations)
-        tried = [_lagging(usable, share, replicates) for share in _LAGGING]
+        shares = _LAGGING if usable.known.lags else _LAGGING[:1]
+        tried = [_lagging(usable, share, replicates) for share in shares]
         least = max(each.log_likelihood for each in tried) - _SLOW
         first, *more = [each for each in tried if each.log_likelihood >= least]
         begun = cls.in_noise(first.usable, baseline, first.noise)

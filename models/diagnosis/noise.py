@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
 from models.diagnosis.rounding import rounding
+from models.set_points import set_power, together
 
 Array = NDArray[np.float64]
 
@@ -86,29 +87,18 @@ def _groups(observations: Observations) -> list[NDArray[np.intp]]:
     """Rows of the frame that share a set point, in time order, at least two each."""
     frame = observations.frame
     keys = [frame["kind"].replace("reference", "load"), frame["D1"].round(6), frame["D2"].round(6)]
-    keys.append(frame["P_set_W"] if "P_set_W" in frame else _power_of(observations, keys))
+    keys.append(set_power(frame, _power_of(observations, keys)))
     order = frame["time_s"] if "time_s" in frame else frame.index.to_series()
     grouped = frame.assign(_order=order).groupby(keys, dropna=False)
     return [g.sort_values("_order").index.to_numpy() for _, g in grouped if len(g) > 1]
 
 
 def _power_of(observations: Observations, keys: list[pd.Series]) -> pd.Series:
-    """The least power read of those of the same ``keys`` that a load which was set once could be read as.
+    """The power read of every row, one for those of the same ``keys`` that a load which was set once could have.
 
     A residual is taken at the power that was read: powers that are so near need not be the same.
     """
-    power = observations.frame["P2_W"].fillna(0.0)
-    sets = power.groupby(keys, dropna=False)
-    return sets.transform(lambda of: _least_of(of, HOLDS * observations.rated_W))
-
-
-def _least_of(power: pd.Series, span: float) -> pd.Series:
-    """Of each power the least of those within ``span`` of one another that it is among."""
-    least, found = -np.inf, {}
-    for place, value in power.sort_values().items():
-        least = value if value > least + span else least
-        found[place] = least
-    return pd.Series(found)
+    return together(observations.frame["P2_W"].fillna(0.0), keys, HOLDS * observations.rated_W)
 
 
 def _differences(

@@ -67,6 +67,10 @@ _WITHOUT_LOAD = {
 }
 _DEAD_V = 1.0  # an output below this is off
 _AMBIENT_C = 25.0  # Assumption: of a room whose temperature nobody noted
+_AT_TERMINALS, _BETWEEN_ROWS = (
+    ("V1_V", "V2_V"),
+    ("T_ambient_C", "time_s"),
+)  # conditions that change by no or small steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,13 +170,19 @@ class Observations:
 def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
     """The set points of a measurement table, as applied: measured P2, V1, V2, ambient, time where present.
 
-    Voltages that were not measured are the converter's nominal ones (:func:`taken_for_granted`).
+    What was not measured is :func:`taken_for_granted`.
     """
 
     def column(name: str, default: float) -> Array:
         if name not in frame:
             return np.full(len(frame), default)
-        return np.asarray(frame[name].astype(float).fillna(default), dtype=np.float64)
+        given = frame[name].to_numpy(dtype=float)
+        if name in _BETWEEN_ROWS:
+            given = _between_rows(given)
+        elif name in _AT_TERMINALS:
+            carrying = given[np.isfinite(given) & frame["kind"].isin(LOADED_KINDS).to_numpy()]
+            given = np.where(np.isfinite(given), given, np.median(carrying) if carrying.size else default)
+        return np.where(np.isfinite(given), given, default)
 
     kind = frame["kind"].to_numpy()
     standby, idle = kind == "standby", kind == "no_load"
@@ -193,21 +203,39 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
     )
 
 
+def _between_rows(given: Array) -> Array:
+    """Values (N,) with those that are missing on straight lines between the rows around them; all NaN where all are."""
+    known = np.flatnonzero(np.isfinite(given))
+    return np.interp(np.arange(given.size), known, given[known]) if known.size else given
+
+
 def taken_for_granted(frame: pd.DataFrame, converter: Converter) -> list[str]:
     """What a simulation takes for the conditions that a measurement table does not have, a sentence each.
 
     >>> from sim.prototype import prototype
-    >>> taken_for_granted(pd.DataFrame({"V1_V": [299.8], "T_ambient_C": [24.0]}), prototype())
-    ['V2_V is not in the table: taken as 140 V']
+    >>> given = pd.DataFrame({"V1_V": [299.8, 299.9], "T_ambient_C": [24.0, np.nan]})
+    >>> for sentence in taken_for_granted(given, prototype()):
+    ...     print(sentence)
+    V2_V is not in the table: taken as 140 V
+    T_ambient_C is missing in 1 of 2 rows: taken from the rows around
     """
     values = {
         "V1_V": f"{converter.V1_V:g} V", "V2_V": f"{converter.V2_V:g} V", "T_ambient_C": f"{_AMBIENT_C:g} °C",
     }  # fmt: skip
-    return [
+    said = [
         f"{name} is not in the table: taken as {value}"
         for name, value in values.items()
         if name not in frame or bool(frame[name].isna().all())
     ]
+    for names, taken in (
+        (_AT_TERMINALS, "as the median of the others"),
+        (_BETWEEN_ROWS, "from the rows around"),
+    ):
+        for name in names:
+            missing = int(frame[name].isna().sum()) if name in frame else 0
+            if 0 < missing < len(frame):
+                said.append(f"{name} is missing in {missing} of {len(frame)} rows: taken {taken}")
+    return said
 
 
 def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Observations:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import pandas as pd
 
 from models.dataset import Measurements
 from models.diagnosis.heat_lag import History
@@ -28,6 +29,7 @@ from models.diagnosis.observations import Observations
 from models.diagnosis.plausibility import RejectedColumn, check_inputs, check_set_points, implausible
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signatures, signatures
+from models.set_points import set_power, together
 from sim.model import Model
 from sim.parameters import ParameterError
 
@@ -128,8 +130,9 @@ def check_table(whole: Observations, measurements: Measurements, baseline: Model
 def _set_points(observations: Observations) -> int:
     """How many different set points carry power; powers that a load may wander between are one."""
     frame = observations.frame[observations.loaded]
-    power = frame["P_set_W" if "P_set_W" in frame else "P2_W"] / (HOLDS * observations.rated_W)
-    return len(frame[["D1", "D2"]].round(6).assign(power=power.round()).drop_duplicates())
+    keys, span = [frame["D1"].round(6), frame["D2"].round(6)], HOLDS * observations.rated_W
+    power = together(set_power(frame, frame["P2_W"]), keys, span)
+    return len(pd.concat([*keys, power.rename("power")], axis=1).drop_duplicates())
 
 
 def _most_lost_before(measurements: Measurements) -> str:

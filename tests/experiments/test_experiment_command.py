@@ -60,6 +60,9 @@ def test_all_writes_one_page_with_every_row_and_keeps_what_is_done(
         (("blind_trials", "--quick", "--scale", "0.5"), "give one of the two"),
         (("blind_trials", "--only", "pears"), "--only = 'pears': one of single, pairs"),
         (("search_benchmark", "--only", "pairs"), "search_benchmark has no parts"),
+        (("all", "--only", "pairs"), "--only: is for one experiment that has parts"),
+        (("blind_trials", "--again"), "--again: is for all"),
+        (("blind_trials", "--reference", "theirs.csv"), "--reference: is for an experiment that compares"),
     ],
 )
 def test_wrong_use_is_told(arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,10 +8,11 @@ import pytest
 
 from experiments.fault_survey import Survey, _goals
 from experiments.harness.postgresql import Cluster, programs
+from experiments.harness.settings import Settings
 from experiments.survey.databases import benches_at_once, failing_file, stopped_server, time_per_point
 from experiments.survey.faulted import FaultReport, Script, expected, perform, scripts, wrong_numbers
 from experiments.survey.kills import kill_at, kill_at_any_instant, places, undisturbed
-from experiments.survey.late import late_on_rtu, late_on_scpi
+from experiments.survey.late import LateReport, late_on_rtu, late_on_scpi
 from experiments.survey.limits import commanded
 from experiments.survey.steady_plant import Setting
 
@@ -118,7 +119,21 @@ def test_a_miss_is_a_miss() -> None:
     )  # fmt: skip
     times = type("Times", (), {"wall_ms": [50.0], "processor_ms": [1.0]})()
     found = Survey(kills=[], faults=[bad], late=[], wild=[], times=times, databases=[], shared=None)
-    missed = {goal.name for goal in _goals(found) if not goal.met}
+    missed = {goal.name for goal in _goals(found, Settings(out=Path("."))) if not goal.met}
     assert "wrong numbers stored" in missed
     assert "own time per point, 95th percentile, wall" in missed
     assert "trips that were not latched" in missed
+
+
+def test_bars_that_count_work_are_those_of_the_share_that_was_done() -> None:
+    times = type("Times", (), {"wall_ms": [1.0], "processor_ms": [1.0]})()
+    late = [LateReport(wire="serial", exchanges=1000, misattributed=0)]
+    found = Survey(kills=[], faults=[], late=late, wild=[], times=times, databases=[], shared=None)
+
+    def bars(scale: float) -> dict[str, float]:
+        return {goal.name: goal.bar for goal in _goals(found, Settings(out=Path("."), scale=scale))}
+
+    assert bars(0.1)["exchanges with late replies, serial"] == 1000.0
+    assert bars(1.0)["exchanges with late replies, serial"] == 10_000.0
+    assert bars(0.1)["kill -9, in all"] == 20.0
+    assert not any("PostgreSQL" in name for name in bars(1.0))  # it was not there

@@ -110,6 +110,21 @@ def test_what_is_left_open_of_the_inductance_keeps_the_model_off_the_edge(
     assert carried - vouched == pytest.approx(0.02 * 2100, rel=0.2)  # W, as the powers are 1 W apart
 
 
+@pytest.mark.parametrize("rated_W", [100.0, 700.0, 8000.0])
+def test_the_most_is_found_wherever_it_lies_beside_the_rated_power(
+    calibrated: CalibratedPhysics, rated_W: float
+) -> None:
+    def rated(model: Model) -> Model:
+        return Model(converter=replace(model.converter, rated_power_W=rated_W), effects=model.effects)
+
+    inductor = replace(calibrated.model.converter.inductor, inductance_H=2.5e-4)
+    other = Model(converter=replace(calibrated.model.converter, inductor=inductor))
+    plain = replace(calibrated, variants=(other,))
+    elsewhere = replace(plain, model=rated(plain.model), variants=(rated(other),))
+    # powers are tried in steps of a part in five thousand
+    assert elsewhere.vouched().spare == pytest.approx(plain.vouched().spare, abs=2e-3)
+
+
 def test_points_are_chosen_near_the_optimum_where_least_is_known(calibrated: CalibratedPhysics) -> None:
     place = np.array([[0.9, 0.05, 900.0], [0.35, 0.02, 890.0], [0.9, 0.05, 900.0]])
     efficiency, sigma = calibrated.predict(*place.T), np.sqrt(np.diag(calibrated.left_open(place)))
@@ -118,6 +133,11 @@ def test_points_are_chosen_near_the_optimum_where_least_is_known(calibrated: Cal
     found = least_known(calibrated, place, 2)
     assert found.chosen[0] in (0, 2)
     assert found.sigma == pytest.approx(sigma[0], rel=1e-6)
+
+
+def test_no_point_is_chosen_twice(calibrated: CalibratedPhysics) -> None:
+    place = np.array([[0.9, 0.05, 900.0], [0.8, 0.1, 600.0], [0.2, 0.8, 2000.0]])  # the last one cannot run
+    assert sorted(least_known(calibrated, place, 9).chosen) == [0, 1]
 
 
 def test_of_two_neighbours_one_is_enough() -> None:

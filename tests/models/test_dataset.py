@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from models.dataset import DatasetError, load_measurements
 from models.other_names import OtherName, OtherNameError
+from tests.models.small_tables import efficiencies
 
 GOOD = {"D1": 0.8, "D2": 0.2, "P2_W": 600.0, "P1_W": 612.0}
 
@@ -359,12 +360,6 @@ def test_cells_that_are_missing_are_told_as_missing(tmp_path):
         load_measurements(tmp_path / "m.csv")
 
 
-def efficiencies(**columns: object) -> pd.DataFrame:
-    """Three rows that can be, with other columns."""
-    good = {"D1": [0.9, 0.8, 0.7], "D2": 0.1, "P2_W": [500.0, 600.0, 700.0], "efficiency": [0.97, 0.96, 0.95]}
-    return pd.DataFrame({**good, **columns})
-
-
 def test_input_powers_that_are_no_numbers_are_said_where_efficiency_stands_in() -> None:
     read = load_measurements(efficiencies(P1_W=["515 W", None, "737"]))
     assert read.notes == (
@@ -383,24 +378,3 @@ def test_an_efficiency_with_a_sign_of_per_cent_is_told_how_to_be_converted() -> 
 def test_a_missing_efficiency_is_called_so_where_there_is_no_input_power() -> None:
     with pytest.raises(DatasetError, match="efficiency = n/a: neither P1_W nor efficiency"):
         load_measurements(efficiencies(efficiency="n/a"))
-
-
-@pytest.mark.parametrize(
-    ("time_s", "says"),
-    [
-        (7.0, "reads 7 in all rows: time does not go on"),
-        ([46350.0, 46350.0021, 46350.0042], r"0.0021 s apart \(median\).*a spreadsheet's days, \*86400"),
-        ([0.0, 0.05, 0.1], r"hours.*time_s\*3600"),
-        ([0.0, 180_000.0, 360_000.0], r"180000 s apart \(median\).*time_s\*0.001"),
-    ],
-)
-def test_times_that_are_none_are_left_empty_and_said(time_s: object, says: str) -> None:
-    read = load_measurements(efficiencies(time_s=time_s))
-    assert any(re.search(says, note) for note in read.notes)
-    assert read.frame["time_s"].isna().all()
-
-
-def test_times_of_a_calendar_and_an_index_with_a_name_are_columns() -> None:
-    when = pd.date_range("2026-11-20 22:14", periods=3, freq="3min", name="time_s")
-    read = load_measurements(efficiencies().set_index(when))
-    assert read.frame["time_s"].tolist() == [0.0, 180.0, 360.0]

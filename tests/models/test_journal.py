@@ -35,6 +35,14 @@ def test_rolling_back_goes_one_model_back_each_time(tmp_path):
     assert journal.in_use() == "d"
 
 
+def test_a_model_taken_back_that_was_never_in_use_is_said(tmp_path):
+    journal = Journal(tmp_path)
+    back = Decision(when=WHEN, decision=Choice.ROLLED_BACK, model="a", reason="odd", replaced="b")
+    journal.note(back)
+    with pytest.raises(RegistryError, match=r"journal.jsonl: b was taken back .* entries are missing"):
+        journal.in_use()
+
+
 def test_a_damaged_line_is_named(tmp_path):
     promoted(Journal(tmp_path), "a")
     with (tmp_path / "journal.jsonl").open("a") as file:

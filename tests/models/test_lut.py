@@ -52,6 +52,24 @@ def test_loads_that_nothing_carries_are_left_out(jumping):
     assert jumping.power_W.tolist() == [300.0, 400.0, 500.0, 600.0]
 
 
+class Absurd:
+    """Sure of more power out than in, but with narrow pulses below 550 W."""
+
+    def predict(self, D1, D2, power_W):
+        return np.where((D1 < 0.5) & (power_W < 550.0), 0.97, 1.2)
+
+
+def test_loads_that_no_candidate_carries_are_left_out():
+    around = Surroundings(model=Absurd(), simulator=SIMULATOR)
+    table = make_lut(optimum([300, 400, 500, 600, 700], [0.45, 0.45, 0.45, 0.9, 0.9], [0.0] * 5), around)
+    assert table.power_W.tolist() == [300.0, 400.0, 500.0]
+    assert table.left_out_W == (600.0, 700.0)
+    assert np.isfinite(table.predicted).all()
+    assert np.isfinite(table.price).all()
+    with pytest.raises(ValueError, match="1 of 3 loads can be carried"):
+        make_lut(optimum([500, 600, 700], [0.45, 0.9, 0.9], [0.0] * 3), around)
+
+
 def test_no_line_is_unsound_where_a_table_without_one_exists(jumping):
     assert jumping.unsound == ()
     assert len(jumping.lines) == 3

@@ -118,6 +118,33 @@ def test_nothing_half_written_is_listed(tmp_path, model):
     assert Registry(tmp_path / "absent").list() == ()
 
 
+def test_others_are_listed_beside_one_that_cannot_be_read(tmp_path, model):
+    registry = Registry(tmp_path)
+    record = registry.save(model, data_sha256="0" * 64, created=WHEN)
+    other = registry.save(model, data_sha256="1" * 64, created=WHEN)
+    (tmp_path / other.id / "metadata.json").write_text('{"schema": 99}')
+    assert [each.id for each in registry.list()] == [record.id]
+    (said,) = registry.unreadable()
+    assert other.id in said
+    assert "reads schema 2 only" in said
+
+
+def test_a_folder_in_the_way_is_said_and_left(tmp_path, model):
+    id = Registry(tmp_path / "elsewhere").save(model, data_sha256="0" * 64, created=WHEN).id
+    (tmp_path / id).mkdir()
+    (tmp_path / id / "notes.txt").write_text("mine")
+    with pytest.raises(RegistryError, match=f"{id}: cannot be written .*move it away"):
+        Registry(tmp_path).save(model, data_sha256="0" * 64, created=WHEN)
+    assert (tmp_path / id / "notes.txt").read_text() == "mine"
+    assert not list(tmp_path.glob(".new-*"))
+
+
+def test_a_kept_model_may_be_read_by_whoever_may_read_other_files(tmp_path, model):
+    record = Registry(tmp_path).save(model, data_sha256="0" * 64, created=WHEN)
+    (tmp_path / "plain").mkdir()
+    assert (tmp_path / record.id).stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
 def test_damaged_metadata_is_said(tmp_path, model):
     registry = Registry(tmp_path)
     record = registry.save(model, data_sha256="0" * 64, created=WHEN)

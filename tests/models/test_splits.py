@@ -32,6 +32,13 @@ def test_repeated_readings_stay_together(converter):
     assert not set(groups[parts.train]) & set(groups[parts.validation])
 
 
+def test_a_sweep_over_power_has_many_set_points():
+    sweep = pd.DataFrame({"D1": 0.9, "D2": 0.1, "P2_W": np.arange(1300.0, 2001.0, 25.0)})
+    assert len(np.unique(set_points(sweep))) == 15  # two of 25 W each lie within 2 %, and the last one alone
+    assert len(np.unique(set_points(sweep.assign(P_set_W=sweep["P2_W"])))) == len(sweep)
+    assert len(np.unique(set_points(sweep.assign(P_set_W=np.nan)))) == 15  # nobody filled that column in
+
+
 def test_shares_must_add_up():
     with pytest.raises(ValueError, match="add up to 1"):
         split(np.arange(10), (0.5, 0.2, 0.4), seed=0)

@@ -146,6 +146,17 @@ def test_readings_of_a_load_that_wanders_are_replicates() -> None:
     assert noise.differences == 4 * 14  # of each set point, less one
 
 
+def test_a_set_power_that_was_not_noted_everywhere_makes_no_replicates(campaign: Observations) -> None:
+    noted = replace(campaign, frame=campaign.frame.assign(P_set_W=campaign.frame["P2_W"]))
+    nowhere = replace(campaign, frame=campaign.frame.assign(P_set_W=np.nan))
+    partly = noted.frame["P_set_W"].where(campaign.frame["P2_W"] < 1000.0)
+    somewhere = replace(campaign, frame=campaign.frame.assign(P_set_W=partly))
+    wanted = [rows.tolist() for rows in Replicates.of(campaign).carrying]
+    assert len(wanted) == SET_POINTS.size
+    for observations in (noted, nowhere, somewhere):
+        assert [rows.tolist() for rows in Replicates.of(observations).carrying] == wanted
+
+
 def test_a_sweep_over_power_has_no_replicates() -> None:
     sweep = loads(np.linspace(300.0, 1500.0, 50))  # steps of 24 W
     (noise,) = estimate_noise(sweep, Replicates.of(sweep), np.zeros(50))
