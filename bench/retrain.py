@@ -97,7 +97,7 @@ class Retrainer:
         if not len(data):
             return Retraining(said="waiting: no accepted rows yet")
         rivals, unread = self._rivals()
-        held = held_out(data.rows)
+        held = held_out(data.rows, self.simulator.converter.rated_power_W)
         unseen = self._unseen(data, held)
         sha = data_hash(data.table, self.simulated)
         decided = not unread and any(entry.data_sha256 == sha for entry in self.journal.decisions())

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-import bench.adaptive
-import drivers.mocks.lab
+import bench
+import drivers
 import experiments.adaptive
 import models
 import sim
@@ -68,7 +68,7 @@ def reached(race: Race, record: Record) -> float:
 def run(settings: Settings) -> Result:
     """Run what the journal in ``settings.out`` does not hold yet, and compare."""
     trials = races(settings)
-    code = code_hash(sim, models, drivers.mocks.lab, bench.adaptive, experiments.adaptive)
+    code = code_hash(sim, models, drivers, bench, experiments.adaptive)
     journal = Journal(path=settings.out / "adaptive_campaign.jsonl", code=code)
     records = perform(run_race, trials, journal, settings)
     return compared(list(zip(trials, records, strict=True)))

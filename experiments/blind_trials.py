@@ -14,6 +14,7 @@ Seeds 3300000 to 3399999 are scored; 100000 to 199999 are for tuning a diagnosis
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import bench.training
 import drivers.mocks.lab
 import experiments.blind
 import experiments.harness.lab_data
@@ -40,7 +41,9 @@ NAMES = tuple(part.name for part in PARTS)
 
 def run_with(seeds: Seeds, settings: Settings) -> Result:
     """Run the chosen parts with one range of seeds."""
-    code = code_hash(sim, models, drivers.mocks.lab, experiments.harness.lab_data, experiments.blind)
+    code = code_hash(
+        sim, models, drivers.mocks.lab, experiments.harness.lab_data, experiments.blind, bench.training
+    )
     journal = Journal(path=settings.out / f"blind_trials_{seeds.said}.jsonl", code=code)
     run = Run(settings=settings, seeds=seeds, journal=journal)
     chosen = [part for part in PARTS if not settings.only or part.name in settings.only]

@@ -235,7 +235,7 @@ class _Writer:
 
 
 def _first_page(address: str) -> float:
-    """Seconds until a browser shows bench and progress; the second visit, as a person's browser has the scripts."""
+    """Seconds until a browser shows bench and progress: the slowest of three visits, the first of them without scripts."""
     chromium = shutil.which("chromium")
     if chromium is None:
         return float("nan")

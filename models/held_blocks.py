@@ -13,19 +13,20 @@ from numpy.typing import NDArray
 
 from models.set_points import set_power
 
-CELL = (0.1, 0.1, 250.0)  # of D1, D2 in half periods, of power in W
+CELL = (0.1, 0.1, 0.125)  # of D1, D2 in half periods, of the rated power
 _SHARE = 0.2
 _ROUNDING = 1e-9  # 0.3 / 0.1 is less than 3: a round set point belongs to the cell above it
 _SEED = 0  # of the hash: another one holds other cells out
 
 
-def held_out(measured: pd.DataFrame) -> NDArray[np.bool_]:
+def held_out(measured: pd.DataFrame, rated_W: float) -> NDArray[np.bool_]:
     """Whether each row of a measurement table (columns D1, D2, and P_set_W or P2_W) is in a held-out block, (N,).
 
-    The set power, where it is known, keeps repeated readings of one set point together.
+    ``rated_W`` is the converter's power. The set power, where it is known, keeps repeated readings of one set point
+    together.
     """
     power = set_power(measured, measured["P2_W"])
-    place = np.stack([measured["D1"], measured["D2"], power], axis=1).astype(np.float64)
+    place = np.stack([measured["D1"], measured["D2"], power / rated_W], axis=1).astype(np.float64)
     cells = np.floor(place / CELL + _ROUNDING).astype(int)
     distinct, member = np.unique(cells, axis=0, return_inverse=True)
     chosen = np.array([_share_of(tuple(cell)) < _SHARE for cell in distinct.tolist()], dtype=bool)

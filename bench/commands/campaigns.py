@@ -180,7 +180,10 @@ def _nothing_to_export(campaign: Row, rejected: bool) -> str:
 
 @app.command("import")
 def import_(
-    file: Annotated[Path, typer.Argument(metavar="FILE.csv", help="a measurement table (.csv or .parquet)")],
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE.csv", help="a measurement table (.csv, .txt, .tsv, .dat or .parquet)"),
+    ],
     name: Annotated[str | None, typer.Option(help="of the campaign; else the file's name")] = None,
     columns: Annotated[
         list[str] | None,

@@ -118,7 +118,7 @@ def loads_of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def grid_table(folder: Path, shape: tuple[int, int, int] = PAPER_GRID) -> pd.DataFrame:
-    """The baseline on a grid: every point with ``feasible``, columns as ``models`` names them."""
+    """The baseline on a grid: every point, with ``feasible`` and the columns of a simulation."""
     name = "grid-" + "x".join(map(str, shape))
     return _kept(folder, name, lambda: pd.DataFrame(simulate(Model.baseline(), grid(shape)).columns()))
 

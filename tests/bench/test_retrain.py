@@ -127,7 +127,7 @@ def test_what_was_judged_was_not_fitted(first: tuple[Retrainer, Retraining]) -> 
 
 def test_what_was_judged_taught_nothing(tmp_path: Path) -> None:
     odd = measured(150)
-    odd.loc[held_out(odd), "efficiency"] -= 0.05
+    odd.loc[held_out(odd, 2000.0), "efficiency"] -= 0.05
     result = retrainer(tmp_path).retrain(file_data(odd))
     assert result.decision is not None
     # five points off in every row that judges, and none of them was learnt
@@ -168,7 +168,9 @@ def test_beside_what_cannot_be_read_a_candidate_still_has_to_beat_the_simulation
     assert before.decision is not None
     (tmp_path / before.decision.model / "stage_2.ubj").write_bytes(b"of another version")
     odd = measured(150)
-    odd.loc[~held_out(odd), "efficiency"] -= 0.05  # what is learnt is wrong by five points where it is judged
+    odd.loc[~held_out(odd, 2000.0), "efficiency"] -= (
+        0.05  # what is learnt is wrong by five points where it is judged
+    )
     made = retrainer(tmp_path, "d2ea")
     assert not promoted(made.retrain(file_data(odd, "odd.csv")))
     assert made.journal.in_use() == before.decision.model
