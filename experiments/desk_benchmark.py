@@ -235,7 +235,7 @@ class _Writer:
 
 
 def _first_page(address: str) -> float:
-    """Seconds until a browser shows bench and progress: the slowest of three visits, the first of them without scripts."""
+    """Seconds until a browser shows bench and progress: the slowest of three visits, the first one without scripts."""
     chromium = shutil.which("chromium")
     if chromium is None:
         return float("nan")

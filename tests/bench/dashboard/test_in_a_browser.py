@@ -21,6 +21,10 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="missing program: chrom
 WAIT_MS = 20_000  # a busy machine; nothing here is timed
 
 
+# what does not depend on how the database tells of changes; the journeys above are asked of either
+ONE_DATABASE = pytest.mark.parametrize("url", ["sqlite"], indirect=True)
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     with sync_playwright() as playwright:
@@ -135,6 +139,7 @@ def test_two_people_press_abort_and_a_third_comes_back(
         banner(third, "off")
 
 
+@ONE_DATABASE
 def test_unsafe_cannot_be_missed_on_any_page(browser: Browser, url: str) -> None:
     with Store(url) as store:
         running_campaign(store)
@@ -148,6 +153,7 @@ def test_unsafe_cannot_be_missed_on_any_page(browser: Browser, url: str) -> None
                 expect(page).to_have_title("UNSAFE: bench one – d2ea")
 
 
+@ONE_DATABASE
 def test_read_only_shows_and_asks_for_nothing(browser: Browser, campaign: Campaign, url: str) -> None:
     with dashboard(url, "--read-only") as address:
         page = browser.new_page()
@@ -157,6 +163,7 @@ def test_read_only_shows_and_asks_for_nothing(browser: Browser, campaign: Campai
         expect(page.get_by_role("button", name="Abort", exact=True)).to_be_hidden()
 
 
+@ONE_DATABASE
 def test_a_token_is_asked_for_once(browser: Browser, url: str) -> None:
     token = "sixteen letters or more"
     with dashboard(url, token=token) as address:
@@ -172,6 +179,7 @@ def test_a_token_is_asked_for_once(browser: Browser, url: str) -> None:
         expect(page.get_by_text("No models yet")).to_be_visible(timeout=WAIT_MS)
 
 
+@ONE_DATABASE
 def test_another_site_gets_no_live_connection(url: str) -> None:
     import httpx
 

@@ -1,10 +1,15 @@
 """Where an effect is far from a line, the search starts at several of its values."""
 
+import numpy as np
 import pytest
 
 from experiments.blind.trial import BlindTrial, efficiency_table, measured
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
+from models.diagnosis.search import _not_far_behind
+from models.diagnosis.signatures import Signature
+from sim.effects.catalogue import effect
+from tests.models.diagnosis.fabricated import fit_of, refinery
 
 
 def test_a_choke_that_saturates_is_found_where_its_line_leads_nowhere() -> None:
@@ -22,18 +27,21 @@ def test_a_choke_that_saturates_is_found_where_its_line_leads_nowhere() -> None:
     assert high - low < 0.268  # one sigma of the law is a tenth: known to half of itself at the worst
 
 
-@pytest.mark.parametrize(
-    ("seed", "design", "points", "inductance_H"),
-    [
-        (190003, None, 400, 2.0e-3),
-        # where its line is 145 behind nothing, and the simulator 130 ahead
-        (3000490, 3095004, 100, 3.08e-3),
-    ],
-)
-def test_what_is_far_from_a_line_is_tried_though_that_falls_behind(
-    seed: int, design: int | None, points: int, inductance_H: float
-) -> None:
-    """What a line misses grows with the rows; where the search starts is tried all the same."""
-    hidden = (("magnetizing_inductance", inductance_H),)
-    trial = BlindTrial(row="single", seed=seed, hidden=hidden, design=design, points=points)
+def test_what_is_far_from_a_line_is_tried_though_that_falls_behind() -> None:
+    """Its line is 145 behind nothing here, and the simulator 130 ahead."""
+    hidden = (("magnetizing_inductance", 3.08e-3),)
+    trial = BlindTrial(row="single", seed=3000490, hidden=hidden, design=3095004)
     assert diagnose(load_measurements(measured(trial))).verdict.stated == ("magnetizing_inductance",)
+
+
+@pytest.mark.parametrize(("readings", "tried"), [(800, False), (1300, True)])
+def test_the_more_readings_the_further_a_line_may_fall_behind(readings: int, tried: bool) -> None:
+    flat = np.ones(readings)
+    signature = Signature(entry=effect("magnetizing_inductance"), slope=flat)
+    bench = refinery(np.zeros(readings), [signature], flat)
+    behind = fit_of(
+        "magnetizing_inductance", np.sqrt(600.0 / readings) * flat
+    )  # 300 in log evidence without a step
+    (weighed,) = bench.weighed_all([behind])
+    found = _not_far_behind(bench, [behind], nothing=weighed.log_evidence + 300.0)
+    assert bool(found) is tried  # 200, or a quarter of each reading
