@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.inaccuracy import BRIDGES, law_errors
+from models.diagnosis.inaccuracy import BRIDGES, loss_sigmas_W
 from sim.modulation import EDGES
 from sim.parameters import Converter
 from sim.simulate import Result
@@ -37,7 +37,7 @@ def law_doubts(result: Result, converter: Converter) -> Array:
 
     ``converter`` is the one that was simulated.
     """
-    smooth_W, edges_W, small_W, rest_W = law_errors(result, converter)
+    smooth_W, edges_W, small_W, rest_W = loss_sigmas_W(result, converter)
     missing = np.stack([result[f"missing_{edge}"] for edge in EDGES])
     halfway = 4 * missing * (1 - missing)  # 1 there, 0 where an edge is soft or hard all the way
     small_W = small_W * [np.max(halfway[edges], axis=0) for edges in _OF_BRIDGE]

@@ -33,7 +33,6 @@ class KillReport:
 
     kills: int = 0
     off_in_time: int = 0
-    left_on: list[str] = field(default_factory=list)
     unexpected: list[str] = field(default_factory=list)
     rows: int = 0
     lost: int = 0
@@ -182,7 +181,7 @@ def _count(report: KillReport, bench: KillBench, process: BaseProcess, where: st
     if bench.converter_off_within_heartbeat():
         report.off_in_time += 1
     else:
-        report.left_on.append(where)
+        report.unexpected.append(f"not off in the heartbeat time after a kill at {where}")
 
 
 def _finish(report: KillReport, bench: KillBench, reference: pd.DataFrame) -> None:

@@ -246,7 +246,11 @@ def diagnose(
     baseline : Model, optional
         What the measurements are compared with; the prototype by default.
     without : names of effects
-        Left out of the catalogue: what they do must then come out as unknown.
+        Left out of the catalogue: none of them is a cause then, and what they do is for others to explain, or unknown.
+    seed : int
+        Of the resampled blocks that a gain's intervals are of.
+    progress : callable
+        Is told what is worked on, as words for a person who waits.
     processes : int
         That share large simulations, by forks; more than one only for a program that owns its process.
 

@@ -88,7 +88,7 @@ def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def law_errors(near: Result, converter: Converter) -> tuple[Array, Array, Array, Array]:
+def loss_sigmas_W(near: Result, converter: Converter) -> tuple[Array, Array, Array, Array]:
     """One sigma of the input power in W at N points, by what may be wrong.
 
     All laws (N,); those of edges (N,); what each bridge switches where one of its swings is cut short (bridges, N);

@@ -133,8 +133,9 @@ def leftovers(observations: Observations, per_watt: Array, power: float = 1.0) -
             continue
         seen.add(key)
         scale = at_output if name == "output" and len(shared) > 1 else watt
-        parts = [basis.part(shared, scale)] if shared else []
-        parts += [basis.part((c,), watt) for c in own]
+        said = "at the output" if scale is at_output else "watts"
+        parts = [basis.part(shared, said, scale)] if shared else []
+        parts += [basis.part((c,), "watts", watt) for c in own]
         found.append((name, np.concatenate(parts), AMPLITUDES_W))
         found.append((f"{name}, straight", np.concatenate([p[: len(straight)] for p in parts]), _STRAIGHT_W))
     if "efficiency" in present:
@@ -220,14 +221,11 @@ class _Basis:
         self._blocks.append(over * np.where(of, scale, 0.0))
         return np.arange(size, size + len(over))
 
-    def part(self, channels: tuple[str, ...], scale: Array) -> NDArray[np.intp]:
-        """Columns of the maps that these channels follow together."""
-        key = (*channels, str(id(scale)))
+    def part(self, channels: tuple[str, ...], said: str, scale: Array) -> NDArray[np.intp]:
+        """Columns of the maps that these channels follow together, by a scale (M,) of that name."""
+        key = (*channels, said)
         if key not in self._known:
-            of = np.any([self._observations.of(name) for name in channels], axis=0)
-            size = sum(len(block) for block in self._blocks)
-            self._blocks.append(self._maps * np.where(of, scale, 0.0))
-            self._known[key] = np.arange(size, size + len(self._maps))
+            self._known[key] = self.add(channels, scale, self._maps)
         return self._known[key]
 
     def leftovers(
