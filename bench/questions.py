@@ -82,6 +82,17 @@ def extension_worse(diagnosis: Mapping[str, Any]) -> str:
     )
 
 
+def _no_better(diagnosis: Mapping[str, Any]) -> str:
+    """That held-out efficiency is no nearer with what is named, where that is so: it shows in other channels."""
+    gain = diagnosis.get("gain")
+    if not gain or gain["after"] <= gain["before"]:
+        return ""
+    return (
+        f" It is right about the other channels; efficiency of held-out rows is {points_text(gain['after'])} points "
+        f"off with it, {points_text(gain['before'])} without."
+    )
+
+
 def spreads_make_good(diagnosis: Mapping[str, Any]) -> bool:
     """Whether what is named predicts held-out rows better once everyday spreads are fitted beside it, and no leftover
     has to be there for that: a leftover would hide the error of a wrong name as well."""
@@ -198,6 +209,7 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     if diagnosis.get("model") and diagnosis.get("verdict") == "named" and not extension_worse(diagnosis):
         todo.append(
             f"Simulate with the extended model from now on: {diagnosis['model']}.{_values_kept(diagnosis)}"
+            f"{_no_better(diagnosis)}"
         )
     if diagnosis.get("verdict") == "consistent":
         first = _NOT_YET if possible(diagnosis) else _AGREES

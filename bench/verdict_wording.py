@@ -78,11 +78,11 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     if unknown.get("probability", 0.0) < 0.01:
         return ""
     said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
-    if not unknown.get("formula"):
+    if "location" not in unknown:
         return said
     place, *rest = unknown["location"].split(", ")
     where = ", ".join([_PLACES.get(place, place), *rest])
-    if fixed(unknown["rms_W"], 2) == "0.00":  # timing and the ac elements move no watts
+    if not unknown.get("formula") or fixed(unknown["rms_W"], 2) == "0.00":
         return f"{said}, {where}"
     said = f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}"
     if unknown["formula_explains"] < _TELLING:

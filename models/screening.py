@@ -27,6 +27,7 @@ NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overra
 KILOWATT_LIMIT = 10.0  # W: 0.2 to 2 is a power in kW, but a small converter has light loads there
 _KILO_APART = 200.0  # between the largest load and the smallest: more is a unit's thousand
 ABSOLUTE_ZERO_C = -273.15
+ROOM, ROOM_C = "T_ambient_C", (-40.0, 85.0)
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
 MOST_APART_S = 86_400.0  # between rows of a campaign: more are milliseconds
 LEAST_APART_S = 0.1  # of settled readings that last: less are minutes, hours or a spreadsheet's days
@@ -97,8 +98,13 @@ CHECKS = (
     *(Check(column, _half_period(column), _outside_unit(column)) for column in ("D1", "D2")),
     Check(
         "P2_W",
-        "not above 0 W: a loaded point delivers power to the output; if it counts the other way, "
-        f"{_in_factor('P2_W', '-1')}",
+        "below 0 W, and P1_W too: power flows from the output to the input; such rows are not diagnosed",
+        lambda f: (f["P2_W"] < 0) & (f["P1_W"] < 0),
+    ),
+    Check(
+        "P2_W",
+        "not above 0 W: a loaded point delivers power to the output; a row without load has the kind no_load or "
+        f"standby; if it counts the other way, {_in_factor('P2_W', '-1')}",
         lambda f: f["P2_W"] <= 0,
     ),
     Check(
@@ -248,6 +254,8 @@ def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
         unusable |= value <= 0
     if column.startswith("T_"):
         unusable |= value < ABSOLUTE_ZERO_C
+    if column == ROOM:
+        unusable |= _of_no_room(value)
     if not unusable.any():
         return []
     frame[column] = value.mask(unusable)
@@ -256,6 +264,12 @@ def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
     return [
         f"{column}: {count} values cannot be and are left empty (row {first + 1}: {raw[column].iloc[first]})"
     ]
+
+
+def _of_no_room(value: pd.Series) -> pd.Series:
+    """Single temperatures that no room has, among others that some room has: a spike, not a unit."""
+    beyond = ~value.between(*ROOM_C) & value.notna()
+    return beyond & (beyond.sum() < 0.5 * value.notna().sum())
 
 
 def _check_current(frame: pd.DataFrame, port: str) -> list[str]:

@@ -169,8 +169,9 @@ class Diagnosis:
         if u is None:
             return {}
         return {
-            "formula": u.formula,
-            "formula_explains": u.explained,
+            # timing and the ac elements move no watts
+            "formula": u.formula if u.rms_W > 0.0 else None,
+            "formula_explains": u.explained if u.rms_W > 0.0 else None,
             "location": u.location,
             "rms_W": u.rms_W,
         }

@@ -64,6 +64,7 @@ def parts_beyond(refinery: Refinery, fit: Fit) -> dict[str, float]:
     """Which parts and instruments an explanation needs further off than any ordinary bench has, and how many sigmas."""
     spreads, others = refinery.known.spreads, np.ones(len(refinery.known.spreads), dtype=bool)
     others[fit.own(refinery.known)] = False
+    others[others.size - refinery.known.lags :] = False  # heat that lags behind is no part
     off = spreads @ refinery.solved(fit)
     larger = refinery.larger(fit)
     off[: larger.size] /= larger

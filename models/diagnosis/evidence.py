@@ -30,6 +30,11 @@ class Hypothesis:
     probability: float
 
 
+def together(hypotheses: Iterable[Hypothesis]) -> float:
+    """The probability of some hypotheses, of which no two hold at once; rounding does not make it more than sure."""
+    return min(sum(h.probability for h in hypotheses), 1.0)
+
+
 def with_laws_as_read(refinery: Refinery, fits: Sequence[Fit]) -> Refinery:
     """The refinery with causes' own laws doubted less, where the readings are likelier so.
 

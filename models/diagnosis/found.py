@@ -15,6 +15,9 @@ from sim.model import Model
 
 _LAGGING = (0.0, 0.2, 1.0)  # of the heat that lags behind on a slow bench: what is tried
 _SLOW = 3.0  # in log likelihood, or log evidence: what says that parts do not settle
+_OFF_NOMINAL = (
+    3.0  # in log evidence: what says that a condition which nobody read was another than the nominal one
+)
 _FAR_AHEAD = (
     10.0  # in log evidence on tangents: a cause that seldom ends up behind another; all is searched then
 )
@@ -43,7 +46,20 @@ class Begun:
         for slower in (cls.in_noise(each.usable, baseline, each.noise) for each in more):
             if slower.sight.looked.log_evidence > begun.sight.looked.log_evidence + _SLOW:
                 begun = slower
-        return begun
+        return begun._doubting_conditions(baseline)
+
+    def _doubting_conditions(self, baseline: Model) -> Self:
+        """The same without taking for granted what nobody read, where all readings are clearly likelier so.
+
+        Efficiency alone is not asked: a voltage that is off does to it what large causes do that bend.
+        """
+        known = self.usable.known
+        if not known.unread or self.usable.observations.efficiency_alone:
+            return self
+        wider = replace(self.usable, known=known.doubting_conditions())
+        doubting = type(self).in_noise(wider, baseline, self.noise)
+        likelier = doubting.sight.looked.log_evidence > self.sight.looked.log_evidence + _OFF_NOMINAL
+        return doubting if likelier else self
 
     @classmethod
     def in_noise(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise]) -> Self:

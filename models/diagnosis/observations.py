@@ -1,6 +1,6 @@
 """A campaign as one vector: every channel of every row, and what a model says of the same vector."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -67,6 +67,9 @@ _WITHOUT_LOAD = {
 }
 _DEAD_V = 1.0  # an output below this is off
 _AMBIENT_C = 25.0  # Assumption: of a room whose temperature nobody noted
+_COARSE, _OF_A_PLAN = 0.01, 20  # of a half period; values of D1 or D2 that a plan may set
+_OTHERWISE = "; all readings together say that it was another one: add that column before anything else"
+_CONDITIONS = ("V1_V", "V2_V", "T_ambient_C")
 _AT_TERMINALS, _BETWEEN_ROWS = (
     ("V1_V", "V2_V"),
     ("T_ambient_C", "time_s"),
@@ -94,6 +97,11 @@ class Observations:
     def of(self, name: str) -> NDArray[np.bool_]:
         """Mask (M,) of one channel's readings."""
         return np.array([c.name == name for c in self.channels])[self.channel]
+
+    @property
+    def unread(self) -> list[str]:
+        """Conditions that nobody read in any row: they are taken for granted."""
+        return [name for name in _CONDITIONS if name not in self.frame or bool(self.frame[name].isna().all())]
 
     @property
     def efficiency_alone(self) -> bool:
@@ -209,8 +217,10 @@ def _between_rows(given: Array) -> Array:
     return np.interp(np.arange(given.size), known, given[known]) if known.size else given
 
 
-def taken_for_granted(frame: pd.DataFrame, converter: Converter) -> list[str]:
+def taken_for_granted(frame: pd.DataFrame, converter: Converter, doubted: Collection[str] = ()) -> list[str]:
     """What a simulation takes for the conditions that a measurement table does not have, a sentence each.
+
+    The readings themselves say that ``doubted`` ones were others.
 
     >>> from sim.prototype import prototype
     >>> given = pd.DataFrame({"V1_V": [299.8, 299.9], "T_ambient_C": [24.0, np.nan]})
@@ -223,10 +233,15 @@ def taken_for_granted(frame: pd.DataFrame, converter: Converter) -> list[str]:
         "V1_V": f"{converter.V1_V:g} V", "V2_V": f"{converter.V2_V:g} V", "T_ambient_C": f"{_AMBIENT_C:g} °C",
     }  # fmt: skip
     said = [
-        f"{name} is not in the table: taken as {value}"
+        f"{name} is not in the table: taken as {value}" + (_OTHERWISE if name in doubted else "")
         for name, value in values.items()
         if name not in frame or bool(frame[name].isna().all())
     ]
+    if all(_may_be_rounded(frame, name) for name in ("D1", "D2")):
+        said.append(
+            f"D1 and D2 are multiples of {_COARSE:g}: if they were rounded to that, D0 and the link current are off by "
+            "more than noise, in what looks like timing; write them with four decimals"
+        )
     for names, taken in (
         (_AT_TERMINALS, "as the median of the others"),
         (_BETWEEN_ROWS, "from the rows around"),
@@ -236,6 +251,13 @@ def taken_for_granted(frame: pd.DataFrame, converter: Converter) -> list[str]:
             if 0 < missing < len(frame):
                 said.append(f"{name} is missing in {missing} of {len(frame)} rows: taken {taken}")
     return said
+
+
+def _may_be_rounded(frame: pd.DataFrame, name: str) -> bool:
+    """Whether a duty ratio may have lost its digits: on a coarse grid, at more values than a plan's own grid has."""
+    values = np.unique(frame[name].dropna().to_numpy(dtype=float)) if name in frame else np.empty(0)
+    steps = values / _COARSE
+    return values.size > _OF_A_PLAN and bool(np.all(np.abs(steps - np.round(steps)) < 1e-6))
 
 
 def observe(frame: pd.DataFrame, converter: Converter, processes: int = 1) -> Observations:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
+from models.screening import ROOM_C
 from sim.model import Model
 from sim.parameters import Converter
 from sim.simulate import can_run
@@ -19,16 +20,17 @@ Array = NDArray[np.float64]
 
 _HELD = 1.25  # of a nominal voltage: the supply and the controller hold them
 _MOST_OFF = 3.0  # of what the simulation expects: more is another unit
-_AMBIENT_C = (-40.0, 85.0)
 _WARM_ROOM_C = 45.0  # above it, a room may be one of 7 to 85 degC told in degrees Fahrenheit
 _COLDER_K = 3.0  # than the room: more than two sensors disagree by
 _FAR_NEARER = 0.25  # of the distance to what is expected: a part is hardly ever so far off
 # kelvin of rise are as many degrees Fahrenheit; half of what would be an error of that size
 _FAHRENHEIT = (1.8, 0.3)
+_TURNED = 0.3  # of what is expected: no effect makes that of a sign
 _HOTTEST_C = 200.0  # of parts that last: above, and in a cold room in kelvin anyway
 _STUCK = 1e-9  # relative: not even the last digit moves
 _MOVES = 5.0  # noise floors that a channel should move over the campaign before it is called stuck
 _ENOUGH = 6  # readings to judge a column by
+_OFTEN = 0.05  # of the rows: fewer are slips
 _SHIFT = 0.02  # of a half period: how well D0's other zero is met
 _LINK = ("P_link1_W", "P_link2_W")
 _CARRIED = 0.5  # of the rows: fewer that the model can run are another converter, or swapped columns
@@ -82,9 +84,9 @@ def check_inputs(observations: Observations, converter: Converter) -> None:
                 "allowed. Is the column in another unit, or the model that of another converter?"
             )
     ambient = float(np.median(np.asarray(observations.points.ambient_C)[loaded]))
-    if not _AMBIENT_C[0] <= ambient <= _AMBIENT_C[1]:
+    if not ROOM_C[0] <= ambient <= ROOM_C[1]:
         raise ImplausibleTable(
-            f"T_ambient_C: median {ambient:g}; {_AMBIENT_C[0]:g} to {_AMBIENT_C[1]:g} degC is allowed. Is it in kelvin?"
+            f"T_ambient_C: median {ambient:g}; {ROOM_C[0]:g} to {ROOM_C[1]:g} degC is allowed. Is it in kelvin?"
         )
     _refuse_a_room_that_nothing_confirms(observations, ambient)
 
@@ -213,6 +215,8 @@ def _other_unit(c: _Column) -> str | None:
         if in_fahrenheit < _FAR_NEARER * np.median(np.abs(c.measured - c.expected)):
             return "is far nearer to what is expected in degrees Fahrenheit; temperatures are in degC"
         return None
+    if c.name == "D0" and (wrapped := _wrapped(c)) is not None:
+        return wrapped
     if c.name == "D0" and (typical := float(np.median(np.abs(c.measured)))) > 1.0:
         return (
             f"{typical:.3g} in the median, without its sign: is it in degrees? D0 is in half periods of 180 degrees; "
@@ -223,8 +227,27 @@ def _other_unit(c: _Column) -> str | None:
     ratio = float(np.median(c.measured / c.expected))
     if 1 / _MOST_OFF < ratio < _MOST_OFF:
         return None
+    if abs(ratio + 1.0) < _TURNED:
+        return (
+            f"{ratio:.3g} times what the model expects: is it counted the other way, a probe turned round? "
+            f"d2ea import --column {c.name}={c.name}*-1 converts it"
+        )
     unit = c.name.rsplit("_", 1)[-1]
     return f"{ratio:.3g} times what the model expects: is it in another unit? {c.name} is in {unit}"
+
+
+def _wrapped(c: _Column) -> str | None:
+    """Where some phases are a whole turn further: told from 0 to a turn, in half periods or degrees; D0 has a sign."""
+    for turn, unit, said in ((2.0, 1.0, "half periods from 0 to 2"), (360.0, 180.0, "degrees from 0 to 360")):
+        turned = (c.measured - unit * c.expected) / turn
+        further = np.round(turned)
+        if np.mean(further != 0.0) > _OFTEN and float(np.median(np.abs(turned - further))) * 2.0 < _SHIFT:
+            factor = "" if unit == 1.0 else f", divided by {unit:g}"
+            return (
+                f"counts {said}, where D0 has a sign, positive where the primary leads: give the ones above "
+                f"{turn / 2:g} less {turn:g}{factor}"
+            )
+    return None
 
 
 def _other_zero(c: _Column) -> str | None:

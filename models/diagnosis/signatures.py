@@ -17,7 +17,7 @@ from models.diagnosis.observations import CHANNELS, Observations
 from models.diagnosis.predictions import Predictions, Repeated, Variant, ending, read, table_of
 from models.diagnosis.rounding import step_of_output
 from models.diagnosis.thresholds import State
-from models.diagnosis.variants import APART, P2_NOISE, Variants, is_everyday, step_of
+from models.diagnosis.variants import APART, INPUTS, P2_NOISE, UNREAD, Variants, is_everyday, step_of
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
 from sim.effects.scalings import ParameterEffect
@@ -28,6 +28,7 @@ from sim.simulate import Case, Result, simulate_each
 Array = NDArray[np.float64]
 
 _ROOT_3 = 3**0.5
+NOT_READ = ", not read"  # behind a condition's name, where that is a spread
 _COLLINEAR = 0.9999
 _CROSSED = 5  # readings on the far side of a threshold that make it more than an outlier
 _SILENT = 1e-3  # over all readings, in their units: above the solver's tolerance, below every noise
@@ -79,6 +80,7 @@ class Signatures:
     ``per_watt`` (M,) is the change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation,
     of the input power such a share as ``doubt`` says, of other channels as ``others_doubt``; what each loss part's
     law, one of ``laws`` (parts, M), may be off by over the whole map then stands beneath.
+    ``unread`` are one sigma each of conditions that nobody read, (M,) by column: no spreads but where readings say so.
     ``near`` is the baseline's simulation at ``rows`` of the frame, for variants to start from along ``lines``;
     ``told`` is what variants say there; ``state`` (by row of the frame) is what thresholds are of.
     """
@@ -93,6 +95,7 @@ class Signatures:
     per_watt: Array
     inaccuracy: Array
     laws: Array
+    unread: Mapping[str, Array] = field(default_factory=dict)
     lags: int = 0
     is_slow: bool = False
     doubt: float = 1.0
@@ -123,6 +126,11 @@ class Signatures:
         return replace(self, effects=tuple(s for s in self.effects if s.effect not in effects))
 
     @property
+    def doubted_conditions(self) -> list[str]:
+        """The conditions that nobody read, where readings say that they were other than nominal."""
+        return [name.removesuffix(NOT_READ) for name in self.spread_names if name.endswith(NOT_READ)]
+
+    @property
     def slow(self) -> Array:
         """The directions (L, M) of heat that lags behind."""
         return self.spreads[len(self.spreads) - self.lags :]
@@ -145,6 +153,17 @@ class Signatures:
             spreads=np.concatenate([self.spreads[:rest], slow]),
             spread_names=(*self.spread_names[:rest], *names),
             lags=len(slow),
+        )
+
+    def doubting_conditions(self) -> Self:
+        """The same with what nobody read as spreads: nominal no more."""
+        rest, names = len(self.spreads) - self.lags, tuple(name + NOT_READ for name in self.unread)
+        spreads = [self.spreads[:rest], *(shift[None] for shift in self.unread.values()), self.slow]
+        return replace(
+            self,
+            spreads=np.concatenate(spreads),
+            spread_names=(*self.spread_names[:rest], *names, *self.spread_names[rest:]),
+            unread={},
         )
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
@@ -175,6 +194,7 @@ class Signatures:
             per_watt=self.per_watt[readings],
             inaccuracy=self.inaccuracy[:, readings],
             laws=self.laws[:, readings],
+            unread={name: shift[readings] for name, shift in self.unread.items()},
         )
 
 
@@ -222,7 +242,8 @@ def signatures(
         Signature(entry=a.entry, other=a.other, slope=(after - base) / step_of(a.entry))
         for a, after in zip(asked.effects, moved.effects, strict=True)
     ]
-    (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, moved.inputs - base)
+    (V1, V2), input_sigma, per_watt = _errors_of_inputs(observations, moved.inputs[:INPUTS] - base)
+    shifts = dict(zip(UNREAD, (V1, V2, *(moved.inputs[INPUTS:] - base)), strict=False))
     everyday = {
         s.effect: s.slope * s.entry.headline.tolerance
         for s in every
@@ -249,6 +270,7 @@ def signatures(
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near, baseline.converter),
         laws=of_laws(observations, near),
+        unread={name: np.nan_to_num(UNREAD[name] * shifts[name]) for name in asked.unread},
         lags=len(lags),
         rows=used,
         near=near,

@@ -87,7 +87,7 @@ class Usable:
 def _few(left: int, loaded: int) -> str:
     """What to do where so many of the loaded rows are too few."""
     if left < loaded / 2:
-        return "Is the model file that of this converter?"
+        return "Make sure that the model file is that of this converter"
     return "Measure more rows, further from the most that D1 and D2 can carry"
 
 

@@ -22,8 +22,12 @@ from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
 
-_VOLTAGE_GAIN = 5e-4 / 3**0.5  # of a dc voltage: 0.05 % of reading, uniform
+VOLTAGE_GAIN = 5e-4 / 3**0.5  # of a dc voltage: 0.05 % of reading, uniform
 P2_NOISE = 1e-4  # of reading, one averaged reading
+# Assumption: what a supply, a load and a room may be off from nominal where nobody read them, one sigma
+UNREAD = {"V1_V": 0.015 / VOLTAGE_GAIN, "V2_V": 0.015 / VOLTAGE_GAIN, "T_ambient_C": 1.0}
+_ROOM_K = 5.0
+INPUTS = 5  # variants of inputs that are always asked for
 APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
 _STEP = 0.2
@@ -58,12 +62,16 @@ class Moved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variants:
-    """The effects and parts of a baseline, and all that is simulated, by key: the baseline first, the inputs last."""
+    """The effects and parts of a baseline, and all that is simulated, by key: the baseline first, the inputs last.
+
+    ``unread`` are the conditions that nobody read, of which it is asked what they would change.
+    """
 
     effects: tuple[Asked, ...]
     spreads: tuple[Spread, ...]
     limit: tuple[int, ...]
     cases: Mapping[Variant, Case]
+    unread: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, observations: Observations, baseline: Model, among: Collection[str] | None) -> Self:
@@ -82,8 +90,10 @@ class Variants:
         for s, sigmas in (*((s, 1.0) for s in spreads), *((spreads[k], -1.0) for k in limit)):
             shifted = Model(converter=s.shifted(baseline.converter, sigmas), effects=baseline.effects)
             cases["spread", s.path, sigmas] = shifted, at
-        cases |= {("input", k): (baseline, moved) for k, moved in enumerate(_inputs(at))}
-        return cls(effects=effects, spreads=spreads, limit=limit, cases=cases)
+        unread = observations.unread if among is None else []
+        moved = [*_inputs(at), *(_in_another_room(at) if "T_ambient_C" in unread else ())]
+        cases |= {("input", k): (baseline, there) for k, there in enumerate(moved)}
+        return cls(effects=effects, spreads=spreads, limit=limit, cases=cases, unread=tuple(unread))
 
     def moved(self, readings: Sequence[Array]) -> Moved:
         """Readings (M,) of all cases but the baseline, in their order."""
@@ -153,11 +163,16 @@ def _spreads(baseline: Model) -> tuple[Spread, ...]:
     return tuple(spread for spread in everyday_spread(baseline.converter) if spread.path not in replaced)
 
 
+def _in_another_room(p: Points) -> list[Points]:
+    """The points in a warmer room: one sigma of what nobody read."""
+    return [replace(p, ambient_C=np.asarray(p.ambient_C) + _ROOM_K)]
+
+
 def _inputs(p: Points) -> list[Points]:
     """The points with errors of V1, V2 and P2, and with more and less power."""
     return [
-        replace(p, V1_V=p.V1_V * (1 + _VOLTAGE_GAIN)),
-        replace(p, V2_V=p.V2_V * (1 + _VOLTAGE_GAIN)),
+        replace(p, V1_V=p.V1_V * (1 + VOLTAGE_GAIN)),
+        replace(p, V2_V=p.V2_V * (1 + VOLTAGE_GAIN)),
         replace(p, power_W=p.power_W * (1 + P2_NOISE)),
         replace(p, power_W=p.power_W * (1 + APART)),
         replace(p, power_W=p.power_W * (1 - APART)),

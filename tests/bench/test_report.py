@@ -160,6 +160,9 @@ def test_actions_follow_the_verdict(data):
         "Measure next: standby (about 1.5 min), to settle auxiliary power.",
         "Simulate with the extended model from now on: out/model.toml.",
     ]
+    gain = DIAGNOSIS["gain"]
+    timing = DIAGNOSIS | {"gain": gain | {"after": 1.05 * gain["before"], "ci95": [-1e-4, 1e-4]}}
+    assert "held-out rows is" in actions(replace(data, diagnosis=timing))[-1]
     tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": []}))
     assert tied == ["Check ac-link resistance: measure the ac link with four wires."]
     assert "Nothing needs changing" in actions(replace(data, diagnosis=MINIMAL))[0]

@@ -1,12 +1,16 @@
 """Tables of another laboratory with nothing wrong in them: made by the simulator, with instruments of their own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
+from drivers.mocks.lab.laboratory import AMBIENT_C, Laboratory
+from drivers.mocks.lab.survey import schedule, survey
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import diagnose
 from sim.model import Model
-from tests.models.diagnosis.virtual_campaign import simulated_campaign
+from tests.models.diagnosis.virtual_campaign import set_points, simulated_campaign
 
 
 def read(frame: pd.DataFrame, seed: int) -> pd.DataFrame:
@@ -38,3 +42,38 @@ def test_a_sensor_that_stuck_on_the_way_tells_nothing_from_then_on() -> None:
     (left_out,) = found.rejected_columns
     assert left_out.column == "T_heatsink_C"
     assert f"from row {half + 1} to row {len(frame)}" in left_out.reason
+
+
+WARM_C = 37.0
+
+
+def elsewhere(V1_V: float, ambient_C: float) -> pd.DataFrame:
+    """A healthy bench whose supply and room are not nominal, with both of them read."""
+    lab = Laboratory.draw(seed=140)
+    lab = replace(lab, quirks=replace(lab.quirks, warmer_K=ambient_C - AMBIENT_C))
+    plan = replace(schedule(*set_points(60, seed=140)), supply_V=V1_V)
+    return survey(lab, plan, seed=140)
+
+
+def test_a_room_that_was_not_always_read_is_no_drift() -> None:
+    frame = elsewhere(300.0, WARM_C)
+    gaps = np.random.default_rng(141).random(len(frame)) < 0.15
+    found = diagnose(load_measurements(frame.assign(T_ambient_C=frame["T_ambient_C"].mask(gaps))))
+    assert found.verdict.kind == "consistent"
+
+
+def test_a_supply_that_nobody_read_may_be_a_per_cent_off() -> None:
+    found = diagnose(load_measurements(elsewhere(304.0, 25.0).drop(columns=["V1_V", "I1_A"])))
+    assert found.verdict.kind == "consistent"
+    assert found.refinery.known.doubted_conditions == ["V1_V"]
+
+
+def test_a_room_that_nobody_read_may_be_a_warm_one() -> None:
+    found = diagnose(load_measurements(elsewhere(300.0, WARM_C).drop(columns="T_ambient_C")))
+    assert found.verdict.kind == "consistent"
+    assert found.refinery.known.doubted_conditions == ["T_ambient_C"]
+
+
+def test_what_nobody_read_is_taken_as_nominal_where_readings_agree() -> None:
+    found = diagnose(load_measurements(elsewhere(300.0, 25.0).drop(columns=["V1_V", "I1_A", "T_ambient_C"])))
+    assert found.refinery.known.doubted_conditions == []

@@ -46,6 +46,22 @@ def test_a_column_without_any_value_is_taken_as_nominal() -> None:
     assert set(np.asarray(points.time_s)) == {0.0}
 
 
+def test_a_condition_that_readings_doubt_is_asked_for() -> None:
+    (said,) = taken_for_granted(FRAME.drop(columns="V2_V"), CONVERTER, ["V2_V"])
+    assert said.startswith("V2_V is not in the table: taken as 140 V; all readings")
+    assert "add that column" in said
+
+
+def test_duty_ratios_that_may_be_rounded_are_said_and_a_plans_grid_is_not() -> None:
+    rng = np.random.default_rng(3)
+    drawn = pd.DataFrame({"D1": rng.uniform(0.4, 1.0, 60), "D2": rng.uniform(0.0, 0.5, 60)})
+    conditions = {"V1_V": 300.0, "V2_V": 140.0, "T_ambient_C": 25.0}
+    (said,) = taken_for_granted(drawn.round(2).assign(**conditions), CONVERTER)
+    assert "multiples of 0.01" in said
+    for table in (drawn, drawn.round(1), drawn.round({"D1": 2})):
+        assert taken_for_granted(table.assign(**conditions), CONVERTER) == []
+
+
 def test_what_was_taken_is_said_once_for_each_column() -> None:
     assert taken_for_granted(FRAME, CONVERTER) == []
     assert taken_for_granted(without(T_ambient_C=3, V1_V=0), CONVERTER) == [

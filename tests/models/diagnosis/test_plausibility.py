@@ -54,6 +54,9 @@ def test_a_campaign_as_it_should_be_keeps_all_columns(frame: pd.DataFrame) -> No
         ("D0", lambda f: 0.5 * f["D0"], "in whole periods"),
         ("D0", lambda f: f["D0"] + (1 + f["D2"] - f["D1"]) / 2, "between the pulses' centres"),
         ("D0", lambda f: 180 * f["D0"], "d2ea import --column D0=D0*0.005556 converts"),
+        ("D0", lambda f: f["D0"] + 2.0 * (f["D0"] < f["D0"].median()), "half periods from 0 to 2"),
+        ("D0", lambda f: 180 * f["D0"] + 360 * (f["D0"] < f["D0"].median()), "degrees from 0 to 360"),
+        ("P_link1_W", lambda f: -f["P_link1_W"], "a probe turned round"),
     ],
 )
 def test_a_column_that_is_something_else_is_left_out(
