@@ -168,13 +168,10 @@ class Diagnosis:
         u = self.unexplained
         if u is None:
             return {}
-        return {
-            # timing and the ac elements move no watts
-            "formula": u.formula if u.rms_W > 0.0 else None,
-            "formula_explains": u.explained if u.rms_W > 0.0 else None,
-            "location": u.location,
-            "rms_W": u.rms_W,
-        }
+        placed = {"location": u.location, "rms_W": u.rms_W}
+        if u.rms_W == 0.0:  # timing and the ac elements move no watts
+            return placed
+        return placed | {"formula": u.formula, "formula_explains": u.explained}
 
     def _cause(self, cause: Cause) -> dict[str, Any]:
         term, entry = cause.term, cause.term.signature.entry
