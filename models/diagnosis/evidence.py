@@ -30,7 +30,7 @@ class Hypothesis:
     probability: float
 
 
-def together(hypotheses: Iterable[Hypothesis]) -> float:
+def probability_of(hypotheses: Iterable[Hypothesis]) -> float:
     """The probability of some hypotheses, of which no two hold at once; rounding does not make it more than sure."""
     return min(sum(h.probability for h in hypotheses), 1.0)
 

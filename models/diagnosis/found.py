@@ -15,12 +15,10 @@ from sim.model import Model
 
 _LAGGING = (0.0, 0.2, 1.0)  # of the heat that lags behind on a slow bench: what is tried
 _SLOW = 3.0  # in log likelihood, or log evidence: what says that parts do not settle
-_OFF_NOMINAL = (
-    3.0  # in log evidence: what says that a condition which nobody read was another than the nominal one
-)
-_FAR_AHEAD = (
-    10.0  # in log evidence on tangents: a cause that seldom ends up behind another; all is searched then
-)
+# in log evidence: what says that a condition which nobody read was another than the nominal one
+_OFF_NOMINAL = 3.0
+# in log evidence on tangents: a cause that seldom ends up behind another; all is searched then
+_FAR_AHEAD = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

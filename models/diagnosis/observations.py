@@ -101,7 +101,7 @@ class Observations:
     @property
     def unread(self) -> list[str]:
         """Conditions that nobody read in any row: they are taken for granted."""
-        return [name for name in _CONDITIONS if name not in self.frame or bool(self.frame[name].isna().all())]
+        return _unread(self.frame)
 
     @property
     def efficiency_alone(self) -> bool:
@@ -211,6 +211,11 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
     )
 
 
+def _unread(frame: pd.DataFrame) -> list[str]:
+    """Conditions that no row of a measurement table has."""
+    return [name for name in _CONDITIONS if name not in frame or bool(frame[name].isna().all())]
+
+
 def _between_rows(given: Array) -> Array:
     """Values (N,) with those that are missing on straight lines between the rows around them; all NaN where all are."""
     known = np.flatnonzero(np.isfinite(given))
@@ -235,7 +240,7 @@ def taken_for_granted(frame: pd.DataFrame, converter: Converter, doubted: Collec
     said = [
         f"{name} is not in the table: taken as {value}" + (_OTHERWISE if name in doubted else "")
         for name, value in values.items()
-        if name not in frame or bool(frame[name].isna().all())
+        if name in _unread(frame)
     ]
     if all(_may_be_rounded(frame, name) for name in ("D1", "D2")):
         said.append(

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.evidence import Hypothesis, together
+from models.diagnosis.evidence import Hypothesis, probability_of
 from models.diagnosis.refinery import Refinery
 from sim.operating_points import Points
 
@@ -60,7 +60,7 @@ class Unexplained:
 def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexplained | None:
     """The leftover of the most probable hypothesis that has one; None where nothing speaks for any."""
     with_one = [h for h in hypotheses if h.leftover is not None]
-    probability = together(with_one)
+    probability = probability_of(with_one)
     if probability < _WORTH_A_LOOK:
         return None
     best = with_one[0]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.everyday import everyday_together
-from models.diagnosis.evidence import Hypothesis, together
+from models.diagnosis.evidence import Hypothesis, probability_of
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.leftover import GAIN_IN_TIME
 from models.diagnosis.unexplained import Unexplained
@@ -151,7 +151,7 @@ def _standing(cause: Cause, hypotheses: Sequence[Hypothesis], leftover: float) -
     Beside one that is more than its law may be wrong by, which would be said, another leftover may do what the cause
     does: no more then than the root of twice the log odds against all that explains the readings without it.
     """
-    without = together(h for h in hypotheses if cause.effect not in h.fit.effects)
+    without = probability_of(h for h in hypotheses if cause.effect not in h.fit.effects)
     if leftover < _FAINT_BESIDE or without <= 0.0:
         return cause.term.significance
     odds = max(_any_of(hypotheses, (cause.effect,)) / without, 1.0)
@@ -160,12 +160,12 @@ def _standing(cause: Cause, hypotheses: Sequence[Hypothesis], leftover: float) -
 
 def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float:
     """Probability that at least one of the effects is there."""
-    return together(h for h in hypotheses if not set(effects).isdisjoint(h.fit.effects))
+    return probability_of(h for h in hypotheses if not set(effects).isdisjoint(h.fit.effects))
 
 
 def _instead(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> float:
     """Probability of a cause where none of a group is there."""
-    return together(
+    return probability_of(
         h for h in hypotheses if other.effect in h.fit.effects and set(group).isdisjoint(h.fit.effects)
     )
 
@@ -222,9 +222,9 @@ def judge(
     nameable = not alike and not strained
     bare = [h for h in hypotheses if not h.fit.terms]
     faint = _is_faint(hypotheses, leftover)
-    ordinary = together(h for h in hypotheses if _is_ordinary(h, faint, whitener))
-    nameless = together(h for h in bare if h.leftover is not None and not faint)
-    beside = together(h for h in hypotheses if h.leftover is not None)
+    ordinary = probability_of(h for h in hypotheses if _is_ordinary(h, faint, whitener))
+    nameless = probability_of(h for h in bare if h.leftover is not None and not faint)
+    beside = probability_of(h for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if fits else []
     least = max(leftover if beside >= _LIKELY else 0.0, _caught(hypotheses))
     standing = {c.effect: _standing(c, hypotheses, least) for c in causes}
@@ -244,7 +244,7 @@ def judge(
         kind = "unknown"
     tied = tuple(group for group in groups if len(group) > 1)
     if kind == "unknown":  # whatever stands in the way of a name
-        beyond = together(h for h in hypotheses if h.leftover is not None or _has_caught(h.fit))
+        beyond = probability_of(h for h in hypotheses if h.leftover is not None or _has_caught(h.fit))
     else:
         beyond = 0.0 if faint or (groups and not below and leftover < _FAINT_BESIDE) else beside
     # beside a name, what is shorter than a leftover is a part of that
@@ -257,7 +257,7 @@ def judge(
         groups=tied,
         stated=named or tuple(group[0] for group in groups),
         consistent_probability=ordinary,
-        nothing_probability=together(h for h in bare if h.leftover is None),
+        nothing_probability=probability_of(h for h in bare if h.leftover is None),
         unknown_probability=beyond if fits and not alike and not (strained and kind == "unknown") else 1.0,
         left_open=tied_by_data and bool(groups),
         strained=strained and kind == "unknown",
