@@ -210,12 +210,11 @@ class Registry:
             try:
                 folder.replace(final)
             except OSError as error:
-                if not (
-                    final / "metadata.json"
-                ).is_file():  # else another process has just kept the same model
-                    raise RegistryError(
-                        f"{final}: cannot be written ({error.strerror}); if it is no model, move it away and try again"
-                    ) from error
+                if (final / "metadata.json").is_file():
+                    return  # another process has just kept the same model
+                raise RegistryError(
+                    f"{final}: cannot be written ({error.strerror}); if it is no model, move it away and try again"
+                ) from error
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
