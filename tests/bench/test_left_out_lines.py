@@ -22,7 +22,7 @@ def test_nothing_is_said_of_a_whole_table() -> None:
 
 def test_rows_of_one_reason_are_told_together() -> None:
     first, others = lines(600.0, -1.0, 700.0, -2.0, -3.0, 800.0)
-    assert first.startswith("row 2, P2_W = -1.0: not above 0 W")
+    assert first.startswith("row 2, P2_W = -1.0: below 0 W, and P1_W too")
     assert others == "2 rows more for that reason: 4, 5"
 
 

@@ -179,7 +179,9 @@ def test_beside_what_cannot_be_read_a_candidate_still_has_to_beat_the_simulation
 def test_a_worse_candidate_is_kept_out_with_the_reason(first: tuple[Retrainer, Retraining]) -> None:
     made, before = first
     broken = measured(150)
-    broken.loc[~held_out(broken), "efficiency"] -= 0.05  # what it learns from is not what it is judged on
+    broken.loc[~held_out(broken, 2000.0), "efficiency"] -= (
+        0.05  # what it learns from is not what it is judged on
+    )
     result = made.retrain(file_data(broken))
     assert result.decision is not None
     assert result.decision.decision is Choice.KEPT_OUT
@@ -238,7 +240,7 @@ def test_a_candidate_that_predicts_none_of_the_unseen_rows_is_left_out(
     result = retrainer(tmp_path).retrain(file_data(rows))
     assert result.decision is not None
     assert result.decision.reason.startswith("d2ea, ")
-    unseen = int(held_out(rows).sum())
+    unseen = int(held_out(rows, 2000.0).sum())
     told = f"simulator_first_stage predicts none of the {unseen} unseen rows to judge on"
     assert result.decision.reason.endswith(told)
 

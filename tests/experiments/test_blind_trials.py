@@ -344,7 +344,7 @@ def test_a_hidden_link_resistance_is_found_and_the_same_seed_says_the_same() -> 
 
 
 def test_a_diagnosis_that_gives_up_is_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    def gives_up(_: object) -> None:
+    def gives_up(*_: object, **__: object) -> None:
         raise ValueError("too few rows")
 
     monkeypatch.setattr(blind_trial, "diagnose", gives_up)
