@@ -4,7 +4,7 @@ Where no set power was noted a load that was set once may wander: powers within 
 The span is counted from the least of them, so a sweep in small steps is no single set point.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -24,12 +24,11 @@ def together(power: pd.Series, keys: Sequence[pd.Series], span: float) -> pd.Ser
     >>> together(power, [pd.Series([1, 1, 1, 1, 1])], 6.0).tolist()
     [499.8, 499.8, 700.0, 510.0, 499.8]
     """
-    return power.groupby(list(keys), dropna=False).transform(lambda of: _least_of(of, span))
-
-
-def _least_of(power: pd.Series, span: float) -> pd.Series:
-    least, found = -np.inf, dict[Hashable, float]()
-    for place, value in power.sort_values().items():
-        least = value if value > least + span else least
+    alike = pd.concat(list(keys), axis=1, ignore_index=True).groupby(list(range(len(keys))), dropna=False)
+    key, values = alike.ngroup().to_numpy(), power.to_numpy(dtype=float)
+    found, last, least = values.copy(), -1, -np.inf
+    for place in np.lexsort((values, key)).tolist():
+        if key[place] != last or values[place] > least + span:
+            last, least = key[place], values[place]
         found[place] = least
-    return pd.Series(found)
+    return pd.Series(found, index=power.index)
