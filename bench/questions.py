@@ -83,13 +83,13 @@ def extension_worse(diagnosis: Mapping[str, Any]) -> str:
 
 
 def _no_better(diagnosis: Mapping[str, Any]) -> str:
-    """That held-out efficiency is no nearer with what is named, where that is so: it shows in other channels."""
+    """That held-out efficiency is no nearer with what is named, where that is so: causes show in other channels too."""
     gain = diagnosis.get("gain")
     if not gain or gain["after"] <= gain["before"]:
         return ""
     return (
-        f" It is right about the other channels; efficiency of held-out rows is {points_text(gain['after'])} points "
-        f"off with it, {points_text(gain['before'])} without."
+        f" Efficiency of held-out rows is no nearer for it: {points_text(gain['after'])} points off with what is "
+        f"named, {points_text(gain['before'])} without."
     )
 
 

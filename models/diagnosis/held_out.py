@@ -22,6 +22,10 @@ from models.diagnosis.whitener import Whitener
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
+_LEAST_LEFT = (
+    1e-10  # of the largest: what only the readings held out tell is known that much worse, or it is rounding
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOut:
@@ -43,12 +47,11 @@ class HeldOut:
         for block, inverse in zip(whitener.blocks, whitener.inverses, strict=True):
             inside = np.flatnonzero(out[block])
             readings = np.arange(out.size)[block][inside]
-            root = cholesky(inverse[np.ix_(inside, inside)], lower=True, check_finite=False)
+            root = _root(inverse[np.ix_(inside, inside)])
             shared = root_solved(root, np.ascontiguousarray(whitener.across[:, readings].T))
             left -= shared.T @ shared
             blocks.append((readings, root, shared))
-        root = cholesky(left, lower=True, check_finite=False)
-        return cls(whitener=whitener, out=out, blocks=tuple(blocks), root=root)
+        return cls(whitener=whitener, out=out, blocks=tuple(blocks), root=_root(left))
 
     def predicted(self, vectors: Array) -> Array:
         """Vectors (k, M) with what is held out of them as the rest predicts it."""
@@ -65,3 +68,13 @@ class HeldOut:
         """``C_RR^-1`` of what is not held out of vectors (k, M), and 0 for what is."""
         solved = self.whitener.solve(self.predicted(vectors).T).T
         return np.where(self.out, 0.0, solved)
+
+
+def _root(matrix: Array) -> Array:
+    """The lower root of a matrix that is positive but for rounding, of which directions may have nothing left."""
+    try:
+        return np.asarray(cholesky(matrix, lower=True, check_finite=False))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(matrix)
+        least = np.maximum(values, _LEAST_LEFT * values[-1])
+        return np.asarray(cholesky((vectors * least) @ vectors.T, lower=True, check_finite=False))

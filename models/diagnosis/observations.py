@@ -70,10 +70,8 @@ _AMBIENT_C = 25.0  # Assumption: of a room whose temperature nobody noted
 _COARSE, _OF_A_PLAN = 0.01, 20  # of a half period; values of D1 or D2 that a plan may set
 _OTHERWISE = "; all readings together say that it was another one: add that column before anything else"
 _CONDITIONS = ("V1_V", "V2_V", "T_ambient_C")
-_AT_TERMINALS, _BETWEEN_ROWS = (
-    ("V1_V", "V2_V"),
-    ("T_ambient_C", "time_s"),
-)  # conditions that change by no or small steps
+# conditions that are held, and such as change by small steps
+_AT_TERMINALS, _BETWEEN_ROWS = ("V1_V", "V2_V"), ("T_ambient_C", "time_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

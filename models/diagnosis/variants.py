@@ -22,10 +22,10 @@ from sim.spread import Spread, everyday_spread
 
 Array = NDArray[np.float64]
 
-VOLTAGE_GAIN = 5e-4 / 3**0.5  # of a dc voltage: 0.05 % of reading, uniform
+_VOLTAGE_GAIN = 5e-4 / 3**0.5  # of a dc voltage: 0.05 % of reading, uniform
 P2_NOISE = 1e-4  # of reading, one averaged reading
 # Assumption: what a supply, a load and a room may be off from nominal where nobody read them, one sigma
-UNREAD = {"V1_V": 0.015 / VOLTAGE_GAIN, "V2_V": 0.015 / VOLTAGE_GAIN, "T_ambient_C": 1.0}
+UNREAD = {"V1_V": 0.015 / _VOLTAGE_GAIN, "V2_V": 0.015 / _VOLTAGE_GAIN, "T_ambient_C": 1.0}
 _ROOM_K = 5.0
 INPUTS = 5  # variants of inputs that are always asked for
 APART = 0.03  # of the power: steps over which D0 has to be nearly straight
@@ -171,8 +171,8 @@ def _in_another_room(p: Points) -> list[Points]:
 def _inputs(p: Points) -> list[Points]:
     """The points with errors of V1, V2 and P2, and with more and less power."""
     return [
-        replace(p, V1_V=p.V1_V * (1 + VOLTAGE_GAIN)),
-        replace(p, V2_V=p.V2_V * (1 + VOLTAGE_GAIN)),
+        replace(p, V1_V=p.V1_V * (1 + _VOLTAGE_GAIN)),
+        replace(p, V2_V=p.V2_V * (1 + _VOLTAGE_GAIN)),
         replace(p, power_W=p.power_W * (1 + P2_NOISE)),
         replace(p, power_W=p.power_W * (1 + APART)),
         replace(p, power_W=p.power_W * (1 - APART)),

@@ -1,5 +1,7 @@
 """Readings that are held out, predicted by the covariance of all, against the matrix of the rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,3 +44,12 @@ def test_what_is_held_out_tells_nothing() -> None:
     other = np.where(SOME, 1e6, VECTORS)
     np.testing.assert_array_equal(held_out.predicted(other), held_out.predicted(VECTORS))
     np.testing.assert_array_equal(held_out.solve(other), held_out.solve(VECTORS))
+
+
+def test_what_only_the_readings_held_out_tell_does_not_end_it() -> None:
+    common = 1e9 * RNG.standard_normal((4, READINGS))
+    common[0] = np.where(SOME, common[0], 0.0)
+    common[1] = common[2] + 1e-6 * common[1]
+    parts = replace(PARTS, common=common)
+    held_out = HeldOut.of(Whitener.of(parts), SOME)
+    assert np.isfinite(held_out.predicted(VECTORS)).all()
