@@ -38,6 +38,5 @@ def answer_of(
     from models.diagnosis.observations import taken_for_granted  # here: it loads slowly
 
     before = {} if campaign is None else measured_so_far(campaign) | left_out_by_import(campaign["config"])
-    doubted = found.refinery.known.doubted_conditions
-    granted = taken_for_granted(measured.frame, found.baseline.converter, doubted)
+    granted = taken_for_granted(measured.frame, found.baseline.converter)
     return found.as_plain(model) | {"notes": [*measured.notes, *granted]} | before

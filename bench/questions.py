@@ -29,6 +29,7 @@ _BEHIND = {
 }  # a leftover's place: what of the bench is there
 _NOT_YET = "Change nothing yet: the tolerances of parts and instruments may still explain what the simulation misses."
 _AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
+_PROVIDED = "If it was that, nothing needs changing: the tolerances of parts and instruments may explain all else."
 _STEPS_SHOWN = 3  # of what to measure next, among what to do
 _ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
 _LIKELY = 0.5  # from which a cause's value is doubted where it is as large as is searched, and a leftover looked for
@@ -37,6 +38,7 @@ _LIKELY = 0.5  # from which a cause's value is doubted where it is as large as i
 def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What to make sure of before any cause is checked."""
     asked = (
+        _question_of_conditions(diagnosis),
         _question_of_the_model(diagnosis),
         _only_with_spreads(diagnosis),
         _question_of_parts(diagnosis),
@@ -45,6 +47,25 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
         _where_to_look(diagnosis),
     )
     return [question for question in asked if question]
+
+
+def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
+    r"""What to read on the bench that the table lacks, where the readings say that it was not nominal; else empty.
+
+    >>> doubted = {"column": "V1_V", "taken": 300.0, "value": 304.12, "ci95": [303.6, 304.6]}
+    >>> said = _question_of_conditions({"conditions": [doubted]})
+    >>> print(said.replace(". ", ".\n"))
+    Read V1_V, write what it was into the table and diagnose again.
+    All readings together fit V1 304.1 V (95 %: 303.6 to 304.6; the model has 300 V).
+    """
+    conditions = diagnosis.get("conditions") or ()
+    said = join([parameter_text({"name": c["column"], "off": c["taken"], **c}) for c in conditions])
+    columns = join([str(c["column"]) for c in conditions])
+    return (
+        f"Read {columns}, write what it was into the table and diagnose again. All readings together fit {said}."
+        if conditions
+        else ""
+    )
 
 
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
@@ -211,7 +232,9 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
             f"Simulate with the extended model from now on: {diagnosis['model']}.{_values_kept(diagnosis)}"
             f"{_no_better(diagnosis)}"
         )
-    if diagnosis.get("verdict") == "consistent":
-        first = _NOT_YET if possible(diagnosis) else _AGREES
-        todo.insert(0, f"{first} What follows would make sure." if todo else first)
-    return todo
+    if diagnosis.get("verdict") != "consistent":
+        return todo
+    if diagnosis.get("conditions") and not possible(diagnosis):
+        return [todo[0], _PROVIDED, *todo[1:]]
+    first = _NOT_YET if possible(diagnosis) else _AGREES
+    return [f"{first} What follows would make sure." if todo else first, *todo]

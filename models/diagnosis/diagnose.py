@@ -15,6 +15,7 @@ from models.calibration import calibrate
 from models.dataset import Measurements
 from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
+from models.diagnosis.conditions import Condition, doubted_conditions
 from models.diagnosis.everyday import parts_beyond
 from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.extension import extended, interval
@@ -54,7 +55,8 @@ class Diagnosis:
     """The verdict with everything that it rests on; what causes are worth, what the points can see and what to measure
     next are found when they are asked for.
 
-    ``parts`` are those that the stated explanation needs beyond the everyday line, with how many sigmas each.
+    ``parts`` are those that the stated explanation needs beyond the everyday line, with how many sigmas each,
+    ``conditions`` what the readings fit of those that nobody read, where they doubt what was taken.
     ``held_out`` and ``ahead`` are the gains and the next measurements where they were worked out side by side already;
     None where they are worked out once asked for.
     """
@@ -72,6 +74,7 @@ class Diagnosis:
     unexplained: Unexplained | None
     alike: list[Confirmed]
     parts: dict[str, float]
+    conditions: list[Condition]
     extended: Model
     leading: Fit
     sigma: Array
@@ -143,6 +146,7 @@ class Diagnosis:
             "unknown": {"probability": v.unknown_probability, "formula": None}
             | self._unexplained()
             | {"rows": [asdict(row) for row in self.alike], "strained": v.strained},
+            "conditions": [c.as_plain() for c in self.conditions],
             "parts": [{"part": name, "sigma": sigma} for name, sigma in self.parts.items()],
             "next": [n.as_plain() for n in self.next] if ahead else [],
             "gain": self._gain() if ahead else None,
@@ -308,6 +312,7 @@ def _diagnosed(
         unexplained=nameless if nameless is not None and nameless.likely else None,
         alike=[replace(c, row=measurements.rows[c.row]) for c in judged.alike if c.sigma > BY_CHANCE],
         parts=parts_beyond(refinery, chosen) if verdict.stated else {},
+        conditions=doubted_conditions(refinery, chosen),
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,
         sigma=setting.sigma,

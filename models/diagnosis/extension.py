@@ -22,7 +22,7 @@ from sim.model import Model
 
 Array = NDArray[np.float64]
 
-_Z95 = 1.96
+Z95 = 1.96
 _LEAST_LIMIT = 1e-3  # of the normal part: below it rounding would be all there is
 
 
@@ -37,7 +37,7 @@ def _half(term: Term, of_shapes: float) -> float:
     """Half of the 95 % interval of a value; a spread inside limits never reaches 1.96 of its sigmas."""
     total = term.uncertainty(of_shapes)
     if not term.signature.entry.inside_limits:
-        return _Z95 * total
+        return Z95 * total
     spread = term.spread
     return half_with_limit(math.sqrt(3.0) * spread, math.sqrt(total**2 - spread**2))
 
@@ -52,7 +52,7 @@ def half_with_limit(limit: float, sigma: float) -> float:
     (0.95, 1.96)
     """
     if limit < _LEAST_LIMIT * sigma:
-        return _Z95 * sigma
+        return Z95 * sigma
 
     def below(half: float) -> float:
         up, down = (half + limit) / sigma, (half - limit) / sigma

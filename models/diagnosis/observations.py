@@ -1,6 +1,6 @@
 """A campaign as one vector: every channel of every row, and what a model says of the same vector."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -68,7 +68,6 @@ _WITHOUT_LOAD = {
 _DEAD_V = 1.0  # an output below this is off
 _AMBIENT_C = 25.0  # Assumption: of a room whose temperature nobody noted
 _COARSE, _OF_A_PLAN = 0.01, 20  # of a half period; values of D1 or D2 that a plan may set
-_OTHERWISE = "; all readings together say that it was another one: add that column before anything else"
 _CONDITIONS = ("V1_V", "V2_V", "T_ambient_C")
 # conditions that are held, and such as change by small steps
 _AT_TERMINALS, _BETWEEN_ROWS = ("V1_V", "V2_V"), ("T_ambient_C", "time_s")
@@ -220,10 +219,13 @@ def _between_rows(given: Array) -> Array:
     return np.interp(np.arange(given.size), known, given[known]) if known.size else given
 
 
-def taken_for_granted(frame: pd.DataFrame, converter: Converter, doubted: Collection[str] = ()) -> list[str]:
-    """What a simulation takes for the conditions that a measurement table does not have, a sentence each.
+def nominal_conditions(converter: Converter) -> dict[str, float]:
+    """What a simulation takes for conditions that a measurement table does not have."""
+    return {"V1_V": converter.V1_V, "V2_V": converter.V2_V, "T_ambient_C": _AMBIENT_C}
 
-    The readings themselves say that ``doubted`` ones were others.
+
+def taken_for_granted(frame: pd.DataFrame, converter: Converter) -> list[str]:
+    """What a simulation takes for the conditions that a measurement table does not have, a sentence each.
 
     >>> from sim.prototype import prototype
     >>> given = pd.DataFrame({"V1_V": [299.8, 299.9], "T_ambient_C": [24.0, np.nan]})
@@ -232,13 +234,11 @@ def taken_for_granted(frame: pd.DataFrame, converter: Converter, doubted: Collec
     V2_V is not in the table: taken as 140 V
     T_ambient_C is missing in 1 of 2 rows: taken from the rows around
     """
-    values = {
-        "V1_V": f"{converter.V1_V:g} V", "V2_V": f"{converter.V2_V:g} V", "T_ambient_C": f"{_AMBIENT_C:g} °C",
-    }  # fmt: skip
+    unread = _unread(frame)
     said = [
-        f"{name} is not in the table: taken as {value}" + (_OTHERWISE if name in doubted else "")
-        for name, value in values.items()
-        if name in _unread(frame)
+        f"{name} is not in the table: taken as {value:g} {'°C' if name == 'T_ambient_C' else 'V'}"
+        for name, value in nominal_conditions(converter).items()
+        if name in unread
     ]
     if all(_may_be_rounded(frame, name) for name in ("D1", "D2")):
         said.append(

@@ -25,8 +25,13 @@ Array = NDArray[np.float64]
 _VOLTAGE_GAIN = 5e-4 / 3**0.5  # of a dc voltage: 0.05 % of reading, uniform
 P2_NOISE = 1e-4  # of reading, one averaged reading
 # Assumption: what a supply, a load and a room may be off from nominal where nobody read them, one sigma
-UNREAD = {"V1_V": 0.015 / _VOLTAGE_GAIN, "V2_V": 0.015 / _VOLTAGE_GAIN, "T_ambient_C": 1.0}
-_ROOM_K = 5.0
+_VOLTAGE_UNREAD, _ROOM_K = 0.015, 5.0
+# of the steps that are simulated
+UNREAD = {
+    "V1_V": _VOLTAGE_UNREAD / _VOLTAGE_GAIN,
+    "V2_V": _VOLTAGE_UNREAD / _VOLTAGE_GAIN,
+    "T_ambient_C": 1.0,
+}
 INPUTS = 5  # variants of inputs that are always asked for
 APART = 0.03  # of the power: steps over which D0 has to be nearly straight
 # of the effect's prior scale: small enough to be nearly linear, large against the solver's tolerance
@@ -123,6 +128,11 @@ def step_of(entry: Effect) -> float:
     """A step of the headline value that stays inside its bounds."""
     step = _STEP * entry.headline.prior
     return step if entry.headline.off + step <= entry.headline.upper else -step
+
+
+def sigma_unread(column: str, nominal: float) -> float:
+    """What a condition that nobody read may be off from nominal, one sigma: in V or K."""
+    return _ROOM_K if column == "T_ambient_C" else _VOLTAGE_UNREAD * nominal
 
 
 def is_everyday(entry: Effect, spreads: tuple[Spread, ...], other: Mapping[str, float] | None = None) -> bool:

@@ -140,8 +140,9 @@ def test_what_is_not_surely_and_much_worse_is_used(
     changed: dict[str, object], page: DiagnosisPage, tmp_path: Path
 ) -> None:
     text = written(replace(page, diagnosis=ANSWER | {"gain": WORSE | changed}), tmp_path)
-    assert "points off with what is named" not in text
+    assert "the extended model is not to be used" not in text
     assert "from now on" in text
+    assert "Efficiency of held-out rows is no nearer for it" in text
 
 
 def test_a_cause_says_its_watts(page: DiagnosisPage, tmp_path: Path) -> None:
@@ -170,6 +171,16 @@ def test_a_suspect_is_said_at_once_and_is_no_agreement(page: DiagnosisPage, tmp_
     sound = written(replace(page, diagnosis=ANSWER | open_ | {"causes": []}), tmp_path)
     assert '<section class="verdict consistent"' in sound
     assert "Nothing needs changing" in sound
+
+
+def test_a_condition_that_readings_doubt_is_what_to_do_first(page: DiagnosisPage, tmp_path: Path) -> None:
+    supply = {"column": "V1_V", "taken": 300.0, "value": 304.12, "ci95": [303.6, 304.6]}
+    agrees = ANSWER | {"verdict": "consistent", "consistent": {"probability": 1.0}, "causes": []}
+    text = written(replace(page, diagnosis=agrees | {"conditions": [supply]}), tmp_path)
+    asked = text.index("Read V1_V, write what it was into the table and diagnose again.")
+    assert asked < text.index("If it was that, nothing needs changing")
+    assert "V1 304.1 V (95 %: 303.6 to 304.6; the model has 300 V)" in text.replace("\N{NO-BREAK SPACE}", " ")
+    assert "Nothing needs changing:" not in text
 
 
 def test_what_is_less_likely_than_nothing_is_said_all_the_same(page: DiagnosisPage, tmp_path: Path) -> None:

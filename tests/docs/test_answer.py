@@ -24,6 +24,7 @@ from bench.store import Store, database_url
 from bench.wording import MODEL_NAMES
 from models.dataset import load_measurements
 from models.diagnosis.agreement import Confirmed
+from models.diagnosis.conditions import Condition
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import CHANNELS
 from models.diagnosis.race import NextMeasurement
@@ -95,6 +96,7 @@ def full() -> Diagnosis:
         unexplained=leftover,
         alike=[Confirmed(row=1, watts=2.0, sigma=6.0)],
         parts={"inductor.inductance_H": 5.0},
+        conditions=[Condition(column="V1_V", taken=300.0, value=304.0, ci95=(303.5, 304.5))],
         ahead=[step],
     )
 

@@ -63,17 +63,24 @@ def test_a_room_that_was_not_always_read_is_no_drift() -> None:
 
 
 def test_a_supply_that_nobody_read_may_be_a_per_cent_off() -> None:
-    found = diagnose(load_measurements(elsewhere(304.0, 25.0).drop(columns=["V1_V", "I1_A"])))
+    frame = elsewhere(304.0, 25.0)
+    found = diagnose(load_measurements(frame.drop(columns=["V1_V", "I1_A"])))
     assert found.verdict.kind == "consistent"
-    assert found.refinery.known.doubted_conditions == ["V1_V"]
+    (supply,) = found.conditions
+    assert (supply.column, supply.taken) == ("V1_V", 300.0)
+    assert supply.ci95[0] < frame["V1_V"].median() < supply.ci95[1]
+    assert supply.ci95[1] - supply.ci95[0] < 2.0  # of 18 V beforehand
 
 
 def test_a_room_that_nobody_read_may_be_a_warm_one() -> None:
     found = diagnose(load_measurements(elsewhere(300.0, WARM_C).drop(columns="T_ambient_C")))
     assert found.verdict.kind == "consistent"
-    assert found.refinery.known.doubted_conditions == ["T_ambient_C"]
+    (room,) = found.conditions
+    assert (room.column, room.taken) == ("T_ambient_C", 25.0)
+    assert room.ci95[0] < WARM_C < room.ci95[1]
+    assert room.ci95[1] - room.ci95[0] < 6.0  # of 20 K beforehand
 
 
 def test_what_nobody_read_is_taken_as_nominal_where_readings_agree() -> None:
     found = diagnose(load_measurements(elsewhere(300.0, 25.0).drop(columns=["V1_V", "I1_A", "T_ambient_C"])))
-    assert found.refinery.known.doubted_conditions == []
+    assert found.conditions == []

@@ -46,12 +46,6 @@ def test_a_column_without_any_value_is_taken_as_nominal() -> None:
     assert set(np.asarray(points.time_s)) == {0.0}
 
 
-def test_a_condition_that_readings_doubt_is_asked_for() -> None:
-    (said,) = taken_for_granted(FRAME.drop(columns="V2_V"), CONVERTER, ["V2_V"])
-    assert said.startswith("V2_V is not in the table: taken as 140 V; all readings")
-    assert "add that column" in said
-
-
 def test_duty_ratios_that_may_be_rounded_are_said_and_a_plans_grid_is_not() -> None:
     rng = np.random.default_rng(3)
     drawn = pd.DataFrame({"D1": rng.uniform(0.4, 1.0, 60), "D2": rng.uniform(0.0, 0.5, 60)})
