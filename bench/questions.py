@@ -29,7 +29,9 @@ _BEHIND = {
 }  # a leftover's place: what of the bench is there
 _NOT_YET = "Change nothing yet: the tolerances of parts and instruments may still explain what the simulation misses."
 _AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
-_PROVIDED = "If it was that, nothing needs changing: the tolerances of parts and instruments may explain all else."
+_PROVIDED = (
+    "If it was that, nothing needs changing: the tolerances of parts and instruments may explain all else."
+)
 _STEPS_SHOWN = 3  # of what to measure next, among what to do
 _ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
 _LIKELY = 0.5  # from which a cause's value is doubted where it is as large as is searched, and a leftover looked for
