@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pandas as pd
 
-from bench.training import feasible_of
+from bench.training import feasible_map
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.feasibility import FeasibleMap
@@ -32,10 +32,7 @@ def simulated_grid() -> tuple[Table, float]:
 
 def carried_loads() -> FeasibleMap:
     """Where in (D1, D2) the baseline carries each load."""
-    baseline = Model.baseline()
-    c = baseline.converter
-    gap = float(np.max(c.dead_time_s)) / c.half_period_s
-    return FeasibleMap.build(feasible_of(baseline), LOADS_W, edge_gap=gap)
+    return feasible_map(Model.baseline(), LOADS_W)
 
 
 def unseen_points(seed: int) -> Points:

@@ -25,7 +25,8 @@ from bench.spy import log_of
 from drivers.clock import Clock
 from drivers.controller import Applied, TableRow
 from drivers.identity import Identity
-from models.lut import edge_gap_of, makeable
+from models.feasibility import edge_gap_of
+from models.lut import makeable
 
 OWN_METER = 0.02  # how far the controller's own power may be from the analyzer's, relative
 ONE_COUNT = 1e-3  # half periods: a step of a coarse PWM timer

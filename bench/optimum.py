@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from bench.training import feasible_of
+from bench.training import feasible_map
 from models.calibrated import Vouched
 from models.exhaustive import ensembles
 from models.feasibility import FeasibleMap
 from models.lattice import optimise_on_lattice
-from models.lut import Lut, Surroundings, edge_gap_of, make_lut
+from models.lut import Lut, Surroundings, make_lut
 from models.optimise import OptimumTable, optimise, optimise_exactly
 from models.pso import PSO_SAVL_POLISHED
 from models.surrogate import EfficiencyModel
@@ -36,8 +36,7 @@ class BestModulation:
     @cached_property
     def mask(self) -> FeasibleMap:
         """Which D1 and D2 carry each load."""
-        gap = edge_gap_of(self.simulator)
-        return FeasibleMap.build(feasible_of(self.simulator), self.loads_W, edge_gap=gap)
+        return feasible_map(self.simulator, self.loads_W)
 
     def swarm(self, model: EfficiencyModel, seed: int) -> OptimumTable:
         """The optimum that PSO-SAVL finds, with its regret."""

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from bench.diagnosing import NotDiagnosed, refused_in_words
 from bench.errors import BenchError
@@ -19,7 +20,7 @@ from bench.training_data import Places, TrainingData
 from models.accuracy import Accuracy, accuracy_of, half_width
 from models.boosting import Floats
 from models.dataset import load_measurements
-from models.feasibility import Bools
+from models.feasibility import Bools, FeasibleMap, edge_gap_of
 from models.registry import data_hash
 from models.splits import split_experiment, split_simulation
 from models.surrogate import (
@@ -71,6 +72,11 @@ def efficiency_of(model: Model) -> Callable[[Floats, Floats, Floats], Floats]:
 def feasible_of(model: Model) -> Callable[[Floats, Floats, Floats], Bools]:
     """The simulator as a mask for ``models``: whether points (N,) carry their power."""
     return partial(_carries, model)
+
+
+def feasible_map(model: Model, loads_W: ArrayLike) -> FeasibleMap:
+    """Where in (D1, D2) a simulated converter carries each load (loads,), asked once."""
+    return FeasibleMap.build(feasible_of(model), loads_W, edge_gap=edge_gap_of(model))
 
 
 def _carries(model: Model, D1: Floats, D2: Floats, power_W: Floats) -> Bools:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from drivers.mocks.lab.survey import schedule, survey
 from experiments.harness.registry import Experiment
@@ -21,6 +21,7 @@ from experiments.study.lessons import mean_and_spread
 from experiments.study.pictures import COLOURS, dress, panels, picture
 from models.boosting import XGBOOST_I, XGBOOST_II, BoostedTrees, Floats
 from sim.model import Model
+from sim.prototype import prototype
 from sim.simulate import Points, can_run, simulate
 
 MORE = ("voltage_ratio", "inductance")
@@ -29,7 +30,12 @@ VOLTAGES_V = (270.0, 300.0, 330.0)
 INDUCTANCES = (-0.15, 0.0, 0.15)
 SIMULATED, MEASURED = 1250, 400
 JUDGED = 600
-_NOMINAL = (2.0 * 140.0 / SUPPLY_V, 0.0)
+
+
+def voltage_ratio(V1_V: ArrayLike) -> Floats:
+    """n V2 / V1 of the prototype."""
+    converter = prototype()
+    return np.asarray(converter.transformer.turns_ratio * converter.V2_V / np.asarray(V1_V))
 
 
 def run(settings: Settings) -> Result:
@@ -92,7 +98,7 @@ def simulated_rows(count: int, rng: np.random.Generator, *, nominal: bool = Fals
 
 
 def _under(part: pd.DataFrame, V1_V: float, deviation: float) -> pd.DataFrame:
-    return part.assign(voltage_ratio=2.0 * 140.0 / V1_V, inductance=deviation)
+    return part.assign(voltage_ratio=voltage_ratio(V1_V), inductance=deviation)
 
 
 def measured_rows(number: int, count: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -111,7 +117,7 @@ def measured_rows(number: int, count: int, rng: np.random.Generator) -> pd.DataF
     table = survey(changed, still, seed=seed_of(number))
     kept = table[table["kind"] == "load"]
     place = _rows_of(kept, points)
-    return kept.assign(voltage_ratio=2.0 * 140.0 / V1_V[place], inductance=deviation[place]).reset_index(
+    return kept.assign(voltage_ratio=voltage_ratio(V1_V[place]), inductance=deviation[place]).reset_index(
         drop=True
     )
 
@@ -168,15 +174,21 @@ def _sensitivity(simulated: pd.DataFrame) -> Picture:
     for colour, power_W in zip(COLOURS, (600.0, 1000.0, 1600.0), strict=False):
         V1_V = np.linspace(270, 330, 25)
         known = simulate(Model.baseline(), Points(D1=D1, D2=D2, power_W=power_W, V1_V=V1_V))["efficiency"]
-        ratio = 2.0 * 140.0 / V1_V
-        _pair(axes[0], ratio, known, trees.predict(D1, D2, power_W, ratio, _NOMINAL[1]), (colour, power_W))
+        ratio = voltage_ratio(V1_V)
+        _pair(axes[0], ratio, known, trees.predict(D1, D2, power_W, ratio, 0.0), (colour, power_W))
         off = np.linspace(-0.15, 0.15, 13)
         known = np.array([
             float(simulate(Model.baseline().with_effect("leakage_inductance", relative_error=float(x)),
                            Points(D1=D1, D2=D2, power_W=power_W))["efficiency"][0])
             for x in off
         ])  # fmt: skip
-        _pair(axes[1], 100 * off, known, trees.predict(D1, D2, power_W, _NOMINAL[0], off), (colour, power_W))
+        _pair(
+            axes[1],
+            100 * off,
+            known,
+            trees.predict(D1, D2, power_W, voltage_ratio(SUPPLY_V), off),
+            (colour, power_W),
+        )
     dress(axes[0], f"D1 = {D1}, D2 = {D2}", "voltage ratio n V2 / V1", "efficiency (%)")
     dress(axes[1], "", "deviation of the inductance (%)", "efficiency (%)")
     axes[0].legend(fontsize=7, frameon=False)

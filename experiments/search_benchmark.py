@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from bench.training import feasible_of, simulated_table, tenth_of
+from bench.training import feasible_map, simulated_table, tenth_of
 from drivers.mocks.lab.laboratory import Laboratory
 from experiments.harness.lab_data import measured_table
 from experiments.harness.registry import Experiment
@@ -21,7 +21,6 @@ from experiments.harness.result import POINTS, Cell, Goal, Result, Table
 from experiments.harness.settings import Countdown, Settings
 from models.dataset import load_measurements
 from models.exhaustive import exact_optimum
-from models.feasibility import FeasibleMap
 from models.optimise import LoadProblems
 from models.pso import OPTIMISERS, PSO_SAVL, PSO_SAVL_POLISHED
 from models.surrogate import StagedModel, train_d2ea
@@ -72,9 +71,7 @@ def _search(settings: Settings, timed: _Timed) -> tuple[Table, list[Goal]]:
     surrogate, _ = timed(
         "surrogate", lambda: _surrogate(model, max(settings.thinned(MEASURED_POINTS), LEAST_MEASURED))
     )
-    converter = model.altered_converter()
-    gap = float(2 * converter.dead_time_s * converter.frequency_Hz)
-    mask = FeasibleMap.build(feasible_of(model), LOADS_W, edge_gap=gap)
+    mask = feasible_map(model, LOADS_W)
     exact, exact_s = timed("exact optimum", lambda: exact_optimum(surrogate, mask))
     problems = LoadProblems(model=surrogate, feasible=mask, loads=tuple(range(LOADS_W.size)))
     cells = exact.cells // LOADS_W.size

@@ -26,7 +26,7 @@ from models.accuracy import accuracy_of
 from models.boosting import Floats
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
-from models.feasibility import FeasibleMap
+from models.feasibility import FeasibleMap, edge_gap_of
 from models.lattice import optimise_on_lattice
 from models.optimise import OptimumTable, optimise
 from models.pso import PSO_SAVL
@@ -193,11 +193,9 @@ def absent_effects(model: Model) -> list[str]:
 
 
 def _mask(bench: Bench, loads_W: Floats) -> FeasibleMap:
-    c = bench.model.converter
-    gap = float(np.max(c.dead_time_s)) / c.half_period_s
     return FeasibleMap.build(
         lambda D1, D2, power_W: can_run(bench.model, bench.at(np.stack([D1, D2, power_W], axis=1))),
-        loads_W, edge_gap=gap,
+        loads_W, edge_gap=edge_gap_of(bench.model),
     )  # fmt: skip
 
 

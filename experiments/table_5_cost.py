@@ -16,7 +16,7 @@ from experiments.harness.settings import Countdown, Settings
 from experiments.harness.timing import Cost, timed
 from experiments.study.labs import CAMPAIGN_POINTS, campaign, campaign_points, set_points
 from experiments.study.on_bench import bench_seconds_a_point, measured_on_bench
-from experiments.study.optima import LOADS_W, SEARCH_SEED, feasible_map, problems_of, trained
+from experiments.study.optima import LOADS_W, SEARCH_SEED, carried, problems_of, trained
 from models.pso import PSO_SAVL
 from models.surrogate import D2EA
 from sim.model import Model
@@ -44,7 +44,7 @@ def run(settings: Settings) -> Result:
     models, training = timed(lambda: trained(settings.out, 0, rows))
     countdown.finished("training")
     loads = tuple(LOADS_W.tolist())
-    feasible_map(loads)
+    carried(loads)
     problems = problems_of(models[D2EA], loads)
     _, search = timed(lambda: PSO_SAVL.maximise(problems, seed=SEARCH_SEED))
     countdown.finished("search")

@@ -20,7 +20,6 @@ class Accuracy:
 
     mean_abs: float
     worst_abs: float
-    bias: float
     percentage: float
     points: int
     unpredicted: int
@@ -41,7 +40,6 @@ def accuracy_of(predicted: Floats, truth: Floats) -> Accuracy:
     return Accuracy(
         mean_abs=float(np.abs(error).mean()),
         worst_abs=float(np.abs(error).max()),
-        bias=float(error.mean()),
         percentage=float(1 - np.mean(np.abs(error) / truth[known])),
         points=int(known.sum()),
         unpredicted=int((~known).sum()),

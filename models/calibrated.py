@@ -210,7 +210,7 @@ class Vouched:
         given = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (D1, D2, power_W)))
         place = np.stack([x.ravel() for x in given], axis=1)
         converter = self.of.model.altered_converter()
-        dead = LONGER * converter.dead_time_s / converter.half_period_s
+        dead = LONGER * converter.dead_share
         sure = np.flatnonzero(infeasible_pulse(place[:, 0], place[:, 1], dead) == "")
         more = place[sure] * (1.0, 1.0, 1 + self.spare)
         sure = sure[can_run(self.of.model, self.of._points(more))]

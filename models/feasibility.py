@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.boosting import Floats
+from sim.model import Model
 
 Bools = NDArray[np.bool_]
 Feasible = Callable[[Floats, Floats, Floats], Bools]
@@ -27,6 +28,11 @@ Feasible = Callable[[Floats, Floats, Floats], Bools]
 
 LONGER = 1.1  # Assumption: a real dead time is at most a tenth longer than the nominal one
 LATTICE = 50  # rectangles per axis: steps of 0.02, about half the step of the 25-point simulation grid
+
+
+def edge_gap_of(simulator: Model) -> float:
+    """The dead time of a simulated converter in half periods."""
+    return float(np.max(simulator.altered_converter().dead_share))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +52,7 @@ class FeasibleMap:
     ) -> Self:
         """Ask ``feasible`` at the lattice's nodes for every load.
 
-        ``edge_gap`` is the dead time in units of the half period, 2 · dead_time_s · frequency_Hz.
+        ``edge_gap`` is the dead time in half periods.
         """
         if not 0 <= edge_gap < 0.5:
             raise ValueError(f"edge_gap is {edge_gap}; it must be in [0, 0.5): dead time over half period")
@@ -77,11 +83,6 @@ class FeasibleMap:
         i, j = self.index(D1, D2)
         out: Bools = self.cells[load, i, j]
         return out
-
-    def share(self) -> Floats:
-        """Allowed share of the (D1, D2) square at each load, (loads,)."""
-        area = np.outer(np.diff(self.D1_edges), np.diff(self.D2_edges))
-        return np.asarray((self.cells * area).sum(axis=(1, 2)), dtype=np.float64)
 
     def confirm(self, D1: Floats, D2: Floats, power_W: Floats) -> Bools:
         """Ask the simulator itself about a few points (N,)."""

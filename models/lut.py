@@ -25,7 +25,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from models.boosting import Floats
-from models.feasibility import LONGER, Bools
+from models.feasibility import LONGER, Bools, edge_gap_of
 from models.optimise import OptimumTable
 from models.surrogate import EfficiencyModel
 from sim.model import Model
@@ -130,12 +130,6 @@ def makeable(D1: Floats, D2: Floats, edge_gap: float) -> tuple[Floats, Floats]:
 def without_zero_state(D1: Floats, D2: Floats) -> tuple[Bools, Bools]:
     """Whether the primary and the secondary have no zero state at all."""
     return D1 == 1.0, D2 == 0.0
-
-
-def edge_gap_of(simulator: Model) -> float:
-    """The dead time of a simulated converter in half periods."""
-    converter = simulator.altered_converter()
-    return float(np.max(2 * converter.dead_time_s * converter.frequency_Hz))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,7 +38,7 @@ _PEAK_ABOVE = 0.95  # the peak stands above the power at phase 1/2 by less than 
 def lowest_phase(circuit: Circuit, edges: Array, way: Array) -> Array:
     """A phase that carries no power whatever the delays: the pulses' centres some dead times the other way."""
     between_centres = np.mean(edges[2:], axis=0) - np.mean(edges[:2], axis=0)
-    return np.asarray(-way * between_centres - _BELOW * circuit.dead_time_s / circuit.half_period_s)
+    return np.asarray(-way * between_centres - _BELOW * circuit.dead_share)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -141,7 +141,7 @@ def commutations(
         magnetizing_A=magnetizing_current(circuit, flips, edges),
         level=np.where(wrapped(flips[:, None] - edges[None, :]) > 0, -1.0, 1.0),
     )
-    groups = _Groups.of(place, circuit.dead_time_s / circuit.half_period_s)
+    groups = _Groups.of(place, circuit.dead_share)
     found, per_phase = Commutation.empty(*edges.shape), np.zeros_like(edges)
     curves = Curves.of(circuit.curves)
     for least, most in groups.batches():

@@ -119,7 +119,7 @@ def _solve(model: Model, points: Points, shapes: _Shapes) -> Result:
 
 def _refused(converter: Converter, points: Points) -> NDArray[np.str_]:
     D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
-    dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, D1.shape)
+    dead = np.broadcast_to(converter.dead_share, D1.shape)
     reason = infeasible_pulse(D1, D2, dead).astype("U96")
     reason = np.where(reason == "", outside_modulation(converter.modulation, D1, D2), reason).astype("U96")
     reason[(reason == "") & ~np.asarray(points.pwm, dtype=bool)] = (

@@ -197,7 +197,7 @@ class _Work:
         change = -_solved(matrix, self.off.T).T
         change *= np.where(self.done, 0.0, self.trust)
         ahead = self.state + change
-        longest = circuit.dead_time_s / circuit.half_period_s
+        longest = circuit.dead_share
         ahead[1:5] = np.where(self.done, ahead[1:5], np.clip(ahead[1:5], 0.0, longest))
         if demand is not None:
             near = self.state[5] + np.clip(change[5], -_FURTHEST, _FURTHEST)

@@ -273,6 +273,11 @@ class Converter:
         """Half a switching period, the unit of D0, D1 and D2."""
         return 0.5 / self.frequency_Hz
 
+    @property
+    def dead_share(self) -> Quantity:
+        """The dead time in half periods."""
+        return self.dead_time_s / self.half_period_s
+
 
 def leaves(parameters: object, path: str = "") -> dict[str, object]:
     """Every value of a nested parameter object by its dotted path."""

@@ -124,7 +124,7 @@ def _ceiling_W(points: Points, converter: Converter) -> Array:
         points.V1_V * points.V2_V * converter.transformer.turns_ratio
         * converter.half_period_s / (converter.inductor.inductance_H * converter.inductor.bands()[1][-1])
     )  # fmt: skip
-    wider = 2 * converter.dead_time_s / converter.half_period_s
+    wider = 2 * converter.dead_share
     D1, D2 = np.minimum(points.D1 + wider, 1.0), np.maximum(points.D2 - wider, 0.0)
     share, _ = power_share(hybrid_edges(0.5 - centre_offset(D1, D2), D1, D2))
     return np.asarray(scale_W * share)
@@ -175,7 +175,7 @@ def solve(converter: Converter, points: Points, seed: Seed | None, *, learn: boo
 
 def refused(converter: Converter, points: Points) -> NDArray[np.str_]:
     """Why a point need not be tried, "" where it must; standby is never refused."""
-    dead = np.broadcast_to(converter.dead_time_s / converter.half_period_s, (len(points),))
+    dead = np.broadcast_to(converter.dead_share, (len(points),))
     D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
     reason, open_ = np.full(len(points), "", dtype="U96"), np.asarray(points.pwm, dtype=bool).copy()
     for told in (infeasible_pulse(D1, D2, dead), outside_modulation(converter.modulation, D1, D2)):

@@ -70,7 +70,7 @@ def _anderson(circuit: Circuit, edges: Array, state: Array) -> Array:
     unit = np.ones((6, 1)) + np.eye(6)[:, :1] * (
         circuit.V1_V * circuit.half_period_s / circuit.inductance_H - 1.0
     )
-    longest = circuit.dead_time_s / circuit.half_period_s
+    longest = circuit.dead_share
     now, history = state / unit, np.full((4, *state.shape), np.nan)  # last state and step, and those before
     for turn in range(_SWEEPS):
         sweep = Sweep.of(circuit, edges, now * unit, sloped=False)

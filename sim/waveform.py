@@ -45,6 +45,11 @@ class Circuit:
     bends_A: Array = field(default_factory=lambda: np.zeros(0))
     relative_L: Array = field(default_factory=lambda: np.ones((1, 1)))
 
+    @property
+    def dead_share(self) -> Array:
+        """The dead times in half periods, (N,)."""
+        return self.dead_time_s / self.half_period_s
+
     def take(self, chosen: NDArray[np.intp]) -> Self:
         """The circuit at some of its points."""
         part = object.__new__(type(self))  # made of what was made: ten times as fast as replace()

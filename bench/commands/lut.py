@@ -30,8 +30,9 @@ from bench.training import HALF_WIDTH, efficiency_of
 from bench.wording import per_cent, points_text
 from drivers.clock import WallClock
 from models.calibrated import Vouched, vouched
+from models.feasibility import edge_gap_of
 from models.journal import Journal
-from models.lut import Line, Lut, Surroundings, check_lines, edge_gap_of
+from models.lut import Line, Lut, Surroundings, check_lines
 from models.optimise import OptimumTable
 from models.registry import ModelRecord, Registry, RegistryError
 from models.surrogate import CALIBRATED, D2EA, SimulatorStage

@@ -10,16 +10,11 @@ from bench.lut_file import BESIDE
 from bench.training import HELD_OUT
 from bench.wording import MODEL_NAMES, points_text
 from models.journal import Journal
-from models.registry import ModelRecord, Registry, RegistryError
+from models.registry import Registry, RegistryError
 
 DECISIONS = 50  # shown
 MODELS = 12  # in the picture
 LABS = {True: "virtual lab", False: "hardware", None: "not stated"}
-
-
-def records(registry: Registry) -> tuple[ModelRecord, ...]:
-    """All models that can be read, the oldest first."""
-    return registry.list()
 
 
 def in_use(registry: Registry) -> str | None:
@@ -43,14 +38,14 @@ def model_rows(registry: Registry) -> list[dict[str, Any]]:
             "created": clock(record.created),
             "data": record.data or "–",
         }
-        for record in reversed(records(registry))
+        for record in reversed(registry.list())
     ]
 
 
 def model_errors(registry: Registry) -> list[tuple[str, float]]:
     """(name, held-out error) of the last models."""
     used = in_use(registry)
-    known = [record for record in records(registry) if record.metrics.get(HELD_OUT) is not None]
+    known = [record for record in registry.list() if record.metrics.get(HELD_OUT) is not None]
     return [
         (f"{record.id}{' (in use)' if record.id == used else ''}", record.metrics[HELD_OUT])
         for record in known[-MODELS:]
@@ -86,7 +81,7 @@ class Optimum:
 def chosen_optimum(registry: Registry) -> Optimum:
     """The table of the model in use, else of the newest model that has one."""
     used = in_use(registry)
-    candidates = [used] if used else [record.id for record in reversed(records(registry))]
+    candidates = [used] if used else [record.id for record in reversed(registry.list())]
     for id in candidates:
         file = registry.root / id / "lut.json"
         if file.is_file():

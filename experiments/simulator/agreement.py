@@ -127,7 +127,7 @@ def dense_scan(settings: Settings) -> Findings:
     """Feasibility and root against a scan of the whole rising branch, at fixed temperatures."""
     points = drawn_points(settings.thinned(SCANNED_POINTS), np.random.default_rng(SEED + 1))
     converter = prototype()
-    dead = converter.dead_time_s / converter.half_period_s
+    dead = converter.dead_share
     can = infeasible_pulse(np.asarray(points.D1), np.asarray(points.D2), dead) == ""
     points = points.take(np.flatnonzero(can))
     missed, above, gap_W = 0, 0, 0.0
@@ -152,7 +152,7 @@ def _scanned(points: Points) -> tuple[int, int, float]:
     D1, D2, goal_W = (np.asarray(x) for x in (points.D1, points.D2, points.power_W))
     edges = hybrid_edges(-centre_offset(D1, D2), D1, D2)
     found = regulate(circuit, edges, goal_W)
-    phase = np.linspace(-2 * float(converter.dead_time_s / converter.half_period_s), 0.5, SCAN_PHASES)
+    phase = np.linspace(-2 * float(converter.dead_share), 0.5, SCAN_PHASES)
     power = _power(circuit, edges, np.repeat(phase[:, None], size, axis=1))
     reaches = power.max(axis=0) >= goal_W
     first = phase[np.argmax(power >= goal_W, axis=0)]

@@ -18,7 +18,7 @@ import drivers.mocks.lab
 import experiments.study
 import models
 import sim
-from bench.training import feasible_of
+from bench.training import feasible_map
 from experiments.harness.journal import Journal, code_hash
 from experiments.harness.settings import Settings
 from experiments.harness.trials import perform
@@ -120,11 +120,9 @@ class LabItself:
 
 
 @cache
-def feasible_map(loads_W: tuple[float, ...]) -> FeasibleMap:
+def carried(loads_W: tuple[float, ...]) -> FeasibleMap:
     """Where the baseline carries the loads."""
-    converter = Model.baseline().altered_converter()
-    gap = float(np.max(converter.dead_time_s)) / converter.half_period_s
-    return FeasibleMap.build(feasible_of(Model.baseline()), np.array(loads_W), edge_gap=gap)
+    return feasible_map(Model.baseline(), loads_W)
 
 
 def trained(folder: Path, lab: int, points: int) -> dict[str, StagedModel]:
@@ -150,7 +148,7 @@ def calibrated(folder: Path, lab: int, points: int) -> CalibratedPhysics:
 
 def find(trial: OptimumTrial) -> dict[str, Any]:
     """Every method's optimum over load, measured; as plain data."""
-    mask, loads = feasible_map(trial.loads_W), np.array(trial.loads_W)
+    mask, loads = carried(trial.loads_W), np.array(trial.loads_W)
     staged = trained(trial.folder, trial.lab, trial.points)
     tables = {
         kind: optimise(model, loads, mask, seed=SEARCH_SEED, optimiser=PSO_SAVL)
@@ -209,9 +207,9 @@ def gain(found: Sequence[Optimum], method: str, over: str, *, column: str = "mea
 
 def problems_of(model: EfficiencyModel, loads_W: tuple[float, ...]) -> LoadProblems:
     """One problem per load for a search."""
-    return LoadProblems(model=model, feasible=feasible_map(loads_W), loads=tuple(range(len(loads_W))))
+    return LoadProblems(model=model, feasible=carried(loads_W), loads=tuple(range(len(loads_W))))
 
 
 def exact_of(model: EfficiencyModel, loads_W: tuple[float, ...]) -> ExactOptimum:
     """The exact optimum of a sum of trees at those loads."""
-    return exact_optimum(model, feasible_map(loads_W))
+    return exact_optimum(model, carried(loads_W))

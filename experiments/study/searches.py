@@ -21,8 +21,8 @@ from experiments.study.optima import (
     FEW_LOADS_W,
     LOADS_W,
     calibrated,
+    carried,
     exact_of,
-    feasible_map,
     problems_of,
     trained,
 )
@@ -147,7 +147,7 @@ def smooth_search(settings: Settings) -> tuple[Searched, tuple[float, ...]]:
     loads = tuple(LOADS_W.tolist()) if settings.scale >= 1 else FEW_LOADS_W
     model = calibrated(settings.out, 0, campaign_points(settings))
     lattice = optimise_on_lattice(model, np.array(loads))
-    problem = LoadProblems(model=model, feasible=feasible_map(loads), loads=tuple(range(len(loads))))
+    problem = LoadProblems(model=model, feasible=carried(loads), loads=tuple(range(len(loads))))
     found, cpu_s = _timed(PSO_SAVL, problem, 0)
     regret = _regret(np.fmax(lattice.predicted, found.value), found)
     made = Searched(

@@ -86,11 +86,6 @@ class Leftovers:
         columns = leftover.amplitude_W * self.basis[leftover.columns]
         return np.asarray(columns.T @ (columns @ pulled))
 
-    @classmethod
-    def none(cls, readings: int) -> "Leftovers":
-        """No leftover is thought possible."""
-        return cls(basis=np.empty((0, readings)), configurations=(), shared_by=0)
-
 
 def smooth_maps(place: Array) -> Array:
     """Leading maps of a unit squared-exponential kernel at places (N, d), scaled by their root eigenvalue, (r, N)."""

@@ -157,7 +157,7 @@ def test_a_zero_state_about_as_long_as_the_dead_time_is_not_vouched_for(
     calibrated: CalibratedPhysics,
 ) -> None:
     converter = calibrated.model.altered_converter()
-    dead = float(converter.dead_time_s / converter.half_period_s)
+    dead = float(converter.dead_share)
     D1 = 1.0 - dead * np.array([1.05, 1.15, 0.0])  # a real dead time may be a tenth longer
     assert np.isfinite(calibrated.predict(D1, 0.1, 1000.0)).all()
     assert np.isfinite(calibrated.vouched().predict(D1, 0.1, 1000.0)).tolist() == [False, True, True]

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from models.lut import DIP, Surroundings, check_lines, edge_gap_of, make_lut, makeable
+from models.feasibility import edge_gap_of
+from models.lut import DIP, Surroundings, check_lines, make_lut, makeable
 from models.optimise import OptimumTable
 from sim.model import Model
 from sim.modulation import EDGES

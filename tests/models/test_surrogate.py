@@ -92,7 +92,6 @@ def test_an_unknown_baseline_is_named():
 def test_accuracy_by_hand():
     result = accuracy_of(np.array([0.91, 0.98, np.nan]), np.array([0.90, 1.00, 0.5]))
     assert result.mean_abs == pytest.approx(0.015)
-    assert result.bias == pytest.approx(-0.005)
     assert result.worst_abs == pytest.approx(0.02)
     assert result.percentage == pytest.approx(1 - (0.01 / 0.9 + 0.02) / 2)
     assert (result.points, result.unpredicted) == (2, 1)

@@ -73,7 +73,7 @@ def with_charges() -> tuple[Case, Array, Array, Array]:
 def half_period_with_charges(case: Case, steps: int) -> tuple[Array, Array, Array]:
     """Explicit steps of 2 ns in which every node swings by its charge, all four legs at once."""
     c, edges = case.circuit, case.edges
-    h, dead, n = c.half_period_s / steps, c.dead_time_s / c.half_period_s, c.turns_ratio
+    h, dead, n = c.half_period_s / steps, c.dead_share, c.turns_ratio
     half = np.stack([c.V1_V, c.V1_V, c.nV2_V, c.nV2_V]) / 2
     since = np.mod(-edges, 1.0)
     q = np.where((since < dead) & (since < case.orbit.delay), 0.0, c.charge_C)

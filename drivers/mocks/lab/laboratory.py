@@ -162,7 +162,7 @@ class Laboratory:
         return found[0] if len(found) == 1 else _mean_of(found)
 
     def _run_at(self, demand: Demand, power_W: Array, heat: Heat, warm: Electrical | None) -> Electrical:
-        dead = np.full(demand.D1.shape, self.converter.dead_time_s / self.converter.half_period_s)
+        dead = np.full(demand.D1.shape, self.converter.dead_share)
         runs = infeasible_pulse(demand.D1, demand.D2, dead) == ""
         expected = demand.power_W * 1e-3 if warm is None else warm.losses.secondary_switching
         choke = Choke(drop=max(self.quirks.choke_drop, 0.0))

@@ -79,7 +79,8 @@ def test_weighing_with_columns_is_weighing_with_the_covariance_that_they_make() 
     fit = bench(WRONG, 0.05).weighed(named(WRONG, 0.05))
     law = 0.05 * named(WRONG, 0.05).terms[0].distance * MAPS * GROWING
     matrix = np.diag(SIGMA**2) + law.T @ law
-    whole = Geometry.of(Whitener.of(matrix), np.zeros((0, READINGS)), Leftovers.none(READINGS))
+    none = Leftovers(basis=np.empty((0, READINGS)), configurations=(), shared_by=0)
+    whole = Geometry.of(Whitener.of(matrix), np.zeros((0, READINGS)), none)
     plain = Refinery(known=bench(WRONG, 0.0).known, observations=bench(WRONG, 0.0).observations,
                      baseline=bench(WRONG, 0.0).baseline, geometry=whole)  # fmt: skip
     expected = plain.weighed(named(WRONG, 0.05))
