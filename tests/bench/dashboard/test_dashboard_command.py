@@ -6,6 +6,7 @@ import pytest
 from sqlalchemy import create_engine, text
 
 from bench import cli
+from bench.processes import NICE
 from bench.store import Store
 
 pytestmark = pytest.mark.usefixtures("in_a_folder_of_its_own")
@@ -42,7 +43,8 @@ def test_a_database_of_another_version_is_refused(capsys: pytest.CaptureFixture[
 
 
 def test_an_address_that_is_not_ours_is_said(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, given_way: list[int]
 ) -> None:
     monkeypatch.setenv("D2EA_TOKEN", "sixteen letters or more")
     assert "cannot be listened on" in refused(capsys, "--host", "192.0.2.1")
+    assert given_way == [NICE]  # by then it has let campaigns go first
