@@ -32,6 +32,7 @@ _AGREES = "Nothing needs changing: the tolerances of parts and instruments may e
 _PROVIDED = (
     "If it was that, nothing needs changing: the tolerances of parts and instruments may explain all else."
 )
+_VOLTAGES = ("V1_V", "V2_V")
 _STEPS_SHOWN = 3  # of what to measure next, among what to do
 _ASKED_AFTER = 0.05  # probability from which a cause is worth a check on the bench
 _LIKELY = 0.5  # from which a cause's value is doubted where it is as large as is searched, and a leftover looked for
@@ -52,7 +53,7 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
 
 
 def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
-    r"""What to read on the bench that the table lacks, where the readings say that it was not nominal; else empty.
+    r"""What to read on the bench that the table lacks, where that may be what is found; else empty.
 
     >>> doubted = {"column": "V1_V", "taken": 300.0, "value": 304.12, "ci95": [303.6, 304.6]}
     >>> said = _question_of_conditions({"conditions": [doubted]})
@@ -60,14 +61,25 @@ def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
     Read V1_V, write what it was into the table and diagnose again.
     All readings together fit V1 304.1 V (95 %: 303.6 to 304.6; the model has 300 V).
     """
-    conditions = diagnosis.get("conditions") or ()
-    said = join([parameter_text({"name": c["column"], "off": c["taken"], **c}) for c in conditions])
-    columns = join([str(c["column"]) for c in conditions])
+    if doubted := _doubted(diagnosis):
+        said = join([parameter_text({"name": c["column"], "off": c["taken"], **c}) for c in doubted])
+        return (
+            f"Read {join([c['column'] for c in doubted])}, write what it was into the table and diagnose again. "
+            f"All readings together fit {said}."
+        )
+    taken = [c for c in diagnosis.get("conditions") or () if c["column"] in _VOLTAGES]
+    if not taken or diagnosis.get("channels") != ["efficiency"] or diagnosis.get("verdict") == "consistent":
+        return ""
+    said = join([f"{c['column']} was {size_text(c['column'], c['taken'])}" for c in taken])
     return (
-        f"Read {columns}, write what it was into the table and diagnose again. All readings together fit {said}."
-        if conditions
-        else ""
+        f"Make sure first that {said}: the table does not say, so that was taken, and to efficiency alone one or two "
+        "per cent more or less look like a cause."
     )
+
+
+def _doubted(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Conditions that nobody read, where readings say that they were others than were taken."""
+    return [c for c in diagnosis.get("conditions") or () if c["value"] is not None]
 
 
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
@@ -166,8 +178,7 @@ def _question_of_laws(diagnosis: Mapping[str, Any]) -> str:
         return ""
     return (
         "Measure more than efficiency: D0, temperatures, or the powers at both ends of the ac link tell a cause from a "
-        "loss law that is off, and from what the catalogue does not have. Without V1_V and V2_V in the table both "
-        "voltages are taken as the model has them."
+        "loss law that is off, and from what the catalogue does not have."
     )
 
 
@@ -236,7 +247,7 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
         )
     if diagnosis.get("verdict") != "consistent":
         return todo
-    if diagnosis.get("conditions") and not possible(diagnosis):
+    if _doubted(diagnosis) and not possible(diagnosis):
         return [todo[0], _PROVIDED, *todo[1:]]
     first = _NOT_YET if possible(diagnosis) else _AGREES
     return [f"{first} What follows would make sure." if todo else first, *todo]

@@ -1,4 +1,4 @@
-"""Conditions that nobody read, where all readings together say that they were others than nominal: what they were."""
+"""Conditions that nobody read: what was taken for them, and what they were where readings say that it was not that."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -15,29 +15,36 @@ from models.diagnosis.variants import sigma_unread
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """A condition that the table does not have: what was ``taken`` for it, and the ``value`` that readings fit."""
+    """A condition that the table does not have, what was ``taken`` for it, and the ``value`` that readings fit.
+
+    Value and interval are None where readings do not doubt what was taken.
+    """
 
     column: str
     taken: float
-    value: float
-    ci95: tuple[float, float]
+    value: float | None = None
+    ci95: tuple[float, float] | None = None
 
     def as_plain(self) -> dict[str, Any]:
         """For JSON."""
-        return asdict(self) | {"ci95": list(self.ci95)}
+        return asdict(self) | {"ci95": None if self.ci95 is None else list(self.ci95)}
 
 
-def doubted_conditions(refinery: Refinery, fit: Fit) -> list[Condition]:
-    """The conditions that readings doubt, beside an explanation; none where nothing is doubted."""
-    known, nominal = refinery.known, nominal_conditions(refinery.baseline.converter)
-    found = []
-    for column in known.doubted_conditions:
-        shift = known.spreads[known.spread_names.index(column + NOT_READ)]
-        solved = refinery.solve(fit, np.stack([shift, refinery.residual - fit.shift]))
-        told, off = solved @ shift
-        taken = nominal[column]
-        sigma = sigma_unread(column, taken)
-        value, span = taken + sigma * off, Z95 * sigma * np.sqrt(max(1.0 - told, 0.0))
-        ci95 = float(value - span), float(value + span)
-        found.append(Condition(column=column, taken=taken, value=float(value), ci95=ci95))
-    return found
+def unread_conditions(refinery: Refinery, fit: Fit) -> list[Condition]:
+    """The conditions that nobody read, beside an explanation."""
+    nominal, doubted = nominal_conditions(refinery.baseline.converter), refinery.known.doubted_conditions
+    return [
+        _doubted(refinery, fit, column, nominal[column])
+        if column in doubted
+        else Condition(column=column, taken=nominal[column])
+        for column in refinery.observations.unread
+    ]
+
+
+def _doubted(refinery: Refinery, fit: Fit, column: str, taken: float) -> Condition:
+    """A condition that is a spread, with what the readings leave of it."""
+    shift = refinery.known.spreads[refinery.known.spread_names.index(column + NOT_READ)]
+    told, off = refinery.solve(fit, np.stack([shift, refinery.residual - fit.shift])) @ shift
+    sigma = sigma_unread(column, taken)
+    value, span = float(taken + sigma * off), Z95 * sigma * float(np.sqrt(max(1.0 - told, 0.0)))
+    return Condition(column=column, taken=taken, value=value, ci95=(value - span, value + span))

@@ -15,7 +15,7 @@ from models.calibration import calibrate
 from models.dataset import Measurements
 from models.diagnosis.agreement import Confirmed, confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
-from models.diagnosis.conditions import Condition, doubted_conditions
+from models.diagnosis.conditions import Condition, unread_conditions
 from models.diagnosis.everyday import parts_beyond
 from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.extension import extended, interval
@@ -56,7 +56,7 @@ class Diagnosis:
     next are found when they are asked for.
 
     ``parts`` are those that the stated explanation needs beyond the everyday line, with how many sigmas each,
-    ``conditions`` what the readings fit of those that nobody read, where they doubt what was taken.
+    ``conditions`` those that nobody read.
     ``held_out`` and ``ahead`` are the gains and the next measurements where they were worked out side by side already;
     None where they are worked out once asked for.
     """
@@ -312,7 +312,7 @@ def _diagnosed(
         unexplained=nameless if nameless is not None and nameless.likely else None,
         alike=[replace(c, row=measurements.rows[c.row]) for c in judged.alike if c.sigma > BY_CHANCE],
         parts=parts_beyond(refinery, chosen) if verdict.stated else {},
-        conditions=doubted_conditions(refinery, chosen),
+        conditions=unread_conditions(refinery, chosen),
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,
         sigma=setting.sigma,

@@ -183,6 +183,20 @@ def test_a_condition_that_readings_doubt_is_what_to_do_first(page: DiagnosisPage
     assert "Nothing needs changing:" not in text
 
 
+def test_efficiency_alone_asks_for_voltages_that_nobody_read(page: DiagnosisPage, tmp_path: Path) -> None:
+    taken = [
+        {"column": "V1_V", "taken": 300.0, "value": None, "ci95": None},
+        {"column": "T_ambient_C", "taken": 25.0, "value": None, "ci95": None},
+    ]
+    asked = "Make sure first that V1_V was 300 V: the table does not say"
+    alone = ANSWER | {"channels": ["efficiency"], "conditions": taken}
+    assert asked in written(replace(page, diagnosis=alone), tmp_path).replace("\N{NO-BREAK SPACE}", " ")
+    beside = ANSWER | {"channels": ["efficiency", "D0"], "conditions": taken}
+    assert "Make sure first that V1_V" not in written(replace(page, diagnosis=beside), tmp_path)
+    read = alone | {"conditions": taken[1:]}
+    assert "Make sure first that V1_V" not in written(replace(page, diagnosis=read), tmp_path)
+
+
 def test_what_is_less_likely_than_nothing_is_said_all_the_same(page: DiagnosisPage, tmp_path: Path) -> None:
     open_ = {"verdict": "consistent", "unknown": {"probability": 0.0}, "consistent": {"probability": 0.56}}
     text = written(

@@ -96,7 +96,10 @@ def full() -> Diagnosis:
         unexplained=leftover,
         alike=[Confirmed(row=1, watts=2.0, sigma=6.0)],
         parts={"inductor.inductance_H": 5.0},
-        conditions=[Condition(column="V1_V", taken=300.0, value=304.0, ci95=(303.5, 304.5))],
+        conditions=[
+            Condition(column="V1_V", taken=300.0, value=304.0, ci95=(303.5, 304.5)),
+            Condition(column="V2_V", taken=140.0),
+        ],
         ahead=[step],
     )
 

@@ -67,6 +67,7 @@ def test_a_supply_that_nobody_read_may_be_a_per_cent_off() -> None:
     found = diagnose(load_measurements(frame.drop(columns=["V1_V", "I1_A"])))
     assert found.verdict.kind == "consistent"
     (supply,) = found.conditions
+    assert supply.ci95 is not None
     assert (supply.column, supply.taken) == ("V1_V", 300.0)
     assert supply.ci95[0] < frame["V1_V"].median() < supply.ci95[1]
     assert supply.ci95[1] - supply.ci95[0] < 2.0  # of 18 V beforehand
@@ -76,6 +77,7 @@ def test_a_room_that_nobody_read_may_be_a_warm_one() -> None:
     found = diagnose(load_measurements(elsewhere(300.0, WARM_C).drop(columns="T_ambient_C")))
     assert found.verdict.kind == "consistent"
     (room,) = found.conditions
+    assert room.ci95 is not None
     assert (room.column, room.taken) == ("T_ambient_C", 25.0)
     assert room.ci95[0] < WARM_C < room.ci95[1]
     assert room.ci95[1] - room.ci95[0] < 6.0  # of 20 K beforehand
@@ -83,4 +85,7 @@ def test_a_room_that_nobody_read_may_be_a_warm_one() -> None:
 
 def test_what_nobody_read_is_taken_as_nominal_where_readings_agree() -> None:
     found = diagnose(load_measurements(elsewhere(300.0, 25.0).drop(columns=["V1_V", "I1_A", "T_ambient_C"])))
-    assert found.conditions == []
+    assert [(c.column, c.taken, c.value) for c in found.conditions] == [
+        ("V1_V", 300.0, None),
+        ("T_ambient_C", 25.0, None),
+    ]
