@@ -68,7 +68,8 @@ def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
             f"All readings together fit {said}."
         )
     taken = [c for c in diagnosis.get("conditions") or () if c["column"] in _VOLTAGES]
-    if not taken or diagnosis.get("channels") != ["efficiency"] or diagnosis.get("verdict") == "consistent":
+    agrees = diagnosis.get("verdict") == "consistent" and not possible(diagnosis)
+    if not taken or diagnosis.get("channels") != ["efficiency"] or agrees:
         return ""
     said = join([f"{c['column']} was {size_text(c['column'], c['taken'])}" for c in taken])
     return (
