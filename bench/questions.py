@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from bench.verdict_wording import possible
+from bench.verdict_wording import doubted_conditions, possible
 from bench.wording import (
     SHOWN,
     action_text,
@@ -61,7 +61,7 @@ def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
     Read V1_V, write what it was into the table and diagnose again.
     All readings together fit V1 304.1 V (95 %: 303.6 to 304.6; the model has 300 V).
     """
-    if doubted := _doubted(diagnosis):
+    if doubted := doubted_conditions(diagnosis):
         said = join([parameter_text({"name": c["column"], "off": c["taken"], **c}) for c in doubted])
         return (
             f"Read {join([c['column'] for c in doubted])}, write what it was into the table and diagnose again. "
@@ -76,11 +76,6 @@ def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
         f"Make sure first that {said}: the table does not say, so that was taken, and to efficiency alone one or two "
         "per cent more or less look like a cause."
     )
-
-
-def _doubted(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Conditions that nobody read, where readings say that they were others than were taken."""
-    return [c for c in diagnosis.get("conditions") or () if c["value"] is not None]
 
 
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
@@ -248,7 +243,7 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
         )
     if diagnosis.get("verdict") != "consistent":
         return todo
-    if _doubted(diagnosis) and not possible(diagnosis):
+    if doubted_conditions(diagnosis) and not possible(diagnosis):
         return [todo[0], _PROVIDED, *todo[1:]]
     first = _NOT_YET if possible(diagnosis) else _AGREES
     return [f"{first} What follows would make sure." if todo else first, *todo]

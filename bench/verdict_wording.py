@@ -12,10 +12,12 @@ from bench.wording import (
     per_cent,
     probability_text,
     probable_causes,
+    size_text,
 )
 
 _TELLING = 0.2  # of a leftover: a formula that holds less says nothing
-_SUSPECTED, _POSSIBLE = 0.5, 0.2  # probabilities from which a cause that nothing states is spoken of
+# probabilities from which a cause that nothing states is spoken of
+_SURE, _SUSPECTED, _POSSIBLE = 0.95, 0.5, 0.2
 _PLACES = {
     "input": "at the input",
     "ac link": "in the ac link",
@@ -47,6 +49,11 @@ def suspected(diagnosis: Mapping[str, Any], least: float = _SUSPECTED) -> list[s
 def possible(diagnosis: Mapping[str, Any]) -> list[str]:
     """The same of causes that are probable enough to keep anybody from saying that all agrees."""
     return suspected(diagnosis, _POSSIBLE)
+
+
+def doubted_conditions(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Conditions that nobody read, where readings say that they were others than were taken."""
+    return [c for c in diagnosis.get("conditions") or () if c["value"] is not None]
 
 
 def verdict_class(diagnosis: Mapping[str, Any]) -> str:
@@ -102,6 +109,8 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     'Not sure: dead time (70.0 %) is suspected, or nothing is wrong (25.0 %)'
     >>> verdict_text(suspected | {"causes": [{"effect": "dead_time", "probability": 0.4}]})
     'No fault proven: nothing is wrong (25.0 %), or dead time (40.0 %)'
+    >>> verdict_text({"verdict": "consistent", "conditions": [{"column": "V1_V", "taken": 300.0, "value": 304.0}]})
+    'Simulation and measurement agree if V1_V was not 300 V'
     >>> left_over = {"verdict": "unknown", "unknown": {"probability": 0.4}}
     >>> verdict_text(left_over | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
     'Something is wrong: dead time (60.0 %), or what no known cause explains'
@@ -113,43 +122,54 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     'Something is wrong that efficiency alone does not tell; dead time would need loss laws that are off as well'
     """
     verdict = str(diagnosis.get("verdict", "unknown"))
+    told = {"named": _of_names, "group": _of_names, "consistent": _of_agreement, "unknown": _of_the_unknown}
+    return told[verdict](diagnosis) if verdict in told else verdict
+
+
+def _of_names(diagnosis: Mapping[str, Any]) -> str:
+    """What is named, and what is tied."""
     named, groups = diagnosis.get("named") or (), diagnosis.get("groups") or ()
     tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups)
     leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
     unknown = f"something unknown ({probability_text(leftover)})" if leftover >= _SUSPECTED else ""
-    if verdict == "named" and named:
-        beside = f"; and {tied}: these data cannot tell which" if groups else ""
-        first_said = "Cause named" if len(named) == 1 else "Causes named"
-        first_said += f" beside {unknown}" if unknown else ""
-        return f"{first_said}: {join([effect_name(name) for name in named])}{beside}"
-    if verdict == "group":
+    if not (named or groups):
+        return VERDICTS[str(diagnosis["verdict"])]
+    if not named:
         return f"{f'Beside {unknown}, ' if unknown else ''}{tied}: these data cannot tell which"
-    suspects = suspected(diagnosis)
-    likeliest = next(iter(suspects), "")
-    if verdict == "consistent" and possible(diagnosis):
-        nothing = probability_text(float((diagnosis.get("consistent") or {}).get("probability", 0.0)))
-        if not suspects:
-            return f"No fault proven: nothing is wrong ({nothing}), or {join(possible(diagnosis), 'or')}"
+    first_said = "Cause named" if len(named) == 1 else "Causes named"
+    beside = f" beside {unknown}" if unknown else ""
+    also = f"; and {tied}: these data cannot tell which" if groups else ""
+    return f"{first_said}{beside}: {join([effect_name(name) for name in named])}{also}"
+
+
+def _of_agreement(diagnosis: Mapping[str, Any]) -> str:
+    """That nothing is beyond an ordinary bench, as far as that is so."""
+    suspects, all_possible = suspected(diagnosis), possible(diagnosis)
+    nothing = probability_text(float((diagnosis.get("consistent") or {}).get("probability", 0.0)))
+    if suspects:
         are = "is" if len(suspects) == 1 else "are"
         return f"Not sure: {join(suspects)} {are} suspected, or nothing is wrong ({nothing})"
-    if (
-        verdict == "unknown"
-        and likeliest
-        and (diagnosis.get("unknown") or {}).get("probability", 1.0) < _SUSPECTED
-    ):
-        if leftover < SHOWN:
+    if all_possible:
+        return f"No fault proven: nothing is wrong ({nothing}), or {join(all_possible, 'or')}"
+    provided = [
+        f"{c['column']} was not {size_text(c['column'], c['taken'])}" for c in doubted_conditions(diagnosis)
+    ]
+    return VERDICTS["consistent"] + (f" if {join(provided)}" if provided else "")
+
+
+def _of_the_unknown(diagnosis: Mapping[str, Any]) -> str:
+    """What may be there, where no cause explains all."""
+    unknown = diagnosis.get("unknown") or {}
+    likeliest = next(iter(suspected(diagnosis)), "")
+    if likeliest and float(unknown.get("probability", 1.0)) < _SUSPECTED:
+        if float(unknown.get("probability", 0.0)) < SHOWN:
             return f"Something is wrong: {likeliest} is suspected, but may be no further off than parts are"
         return f"Something is wrong: {likeliest}, or what no known cause explains"
-    sure = [str(cause["effect"]) for cause in probable_causes(diagnosis, 0.95)]
-    if verdict == "unknown" and (diagnosis.get("unknown") or {}).get("strained"):
-        told = (
-            f"{join([effect_name(name) for name in sure])} would need loss laws that are off as well"
-            if sure
-            else ""
-        )
-        return "; ".join(filter(None, ["Something is wrong that efficiency alone does not tell", told]))
-    if verdict == "unknown" and sure:
-        explain = "explains" if len(sure) == 1 else "explain"
-        told = f"{join([effect_name(name) for name in sure])} {explain} a part of the gap"
-        return f"{told[0].upper()}{told[1:]}; no known cause explains the rest"
-    return VERDICTS.get(verdict, verdict)
+    sure = join([effect_name(str(cause["effect"])) for cause in probable_causes(diagnosis, _SURE)])
+    if unknown.get("strained"):
+        told = "Something is wrong that efficiency alone does not tell"
+        return f"{told}; {sure} would need loss laws that are off as well" if sure else told
+    if not sure:
+        return VERDICTS["unknown"]
+    explain = "explain" if " and " in sure else "explains"
+    return f"{sure[0].upper()}{sure[1:]} {explain} a part of the gap; no known cause explains the rest"
