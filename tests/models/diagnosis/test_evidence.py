@@ -10,7 +10,7 @@ from models.diagnosis.everyday import log_as_part, share_beyond
 from models.diagnosis.evidence import Hypothesis, _beyond_everyday, posterior, weighed_with_leftovers
 from models.diagnosis.hypotheses import Fit, Term, log_prior
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.search import _crossed, _other_variants, _sharpened, search
+from models.diagnosis.search import search
 from models.diagnosis.signatures import Signature
 from sim.effects.catalogue import effect
 from sim.model import Model
@@ -340,41 +340,6 @@ def test_a_slope_that_was_learned_wrongly_is_simulated_anew() -> None:
     np.testing.assert_allclose(sharp.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
     was, becomes = (bench.weighed(fit).sigma[0] for fit in (wrong, sharp))
     assert was < 0.5 * becomes  # and would have been believed
-
-
-def test_what_comes_in_reach_of_a_best_that_was_too_likely_is_simulated_anew_too() -> None:
-    """Slopes too shallow by twenty leave values open, which counts as likely: 3 in log evidence of each."""
-    bench = refinery(0.05 * GROWING + noise(10), [LINK, AUXILIARY], SIGMA)
-    slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}
-    right = joint_fit(slopes, 0.05 * (GROWING + FLAT), value=0.05)
-    both = replace(right, terms=(replace(right.terms[0], slope=0.05 * GROWING), right.terms[1]))
-    link = replace(both, terms=both.terms[:1], shift=0.05 * GROWING, log_evidence=0.0)
-    nothing = replace(Fit.nothing(READINGS), log_evidence=-100.0)
-    _, *sharp = _sharpened(bench, [nothing, link, replace(both, log_evidence=-3.5)])
-    assert {fit.effects for fit in sharp} == {link.effects, both.effects}
-    for fit in sharp:
-        np.testing.assert_allclose(fit.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
-
-
-@pytest.mark.parametrize("name", ["fan_step", "warm_up_drift"])
-def test_every_variant_of_what_is_chosen_is_followed_and_no_second_line(name: str) -> None:
-    along = np.array([1.0, 0.0])
-    chosen, other = fit_of(name, along, value=0.3), fit_of(name, along, value=0.6)
-    lines = [fit_of("link_resistance", along, value=v) for v in (0.02, 0.04)]
-    (found,) = _other_variants([chosen, lines[0]], [chosen, other, *lines])
-    assert found is other
-
-
-def test_a_threshold_whose_rows_were_moved_by_heat_is_tried_elsewhere() -> None:
-    fans = [
-        Signature(entry=effect("fan_step"), other={"threshold_C": at}, slope=FLAT * (at < GROWING))
-        for at in (30, 35, 40)
-    ]
-    fit = joint_fit({"thermal_resistance": GROWING, "fan_step": FLAT}, GROWING)
-    line = replace(fit, terms=(fit.terms[0], replace(fit.terms[1], signature=fans[1])), log_evidence=0.0)
-    near, far = replace(line, log_evidence=-20.0), replace(line, log_evidence=-500.0)
-    assert _crossed([line], [near], fans) == []
-    assert [f.terms[1].signature for f in _crossed([line], [far], fans)] == [fans[0], fans[2]]
 
 
 @pytest.mark.parametrize("order", [1, -1])
