@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from bench.verdict_wording import doubted_conditions, possible
+from bench.verdict_wording import doubted_conditions, possible, sensor_text
 from bench.wording import (
     SHOWN,
     action_text,
@@ -42,6 +42,7 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What to make sure of before any cause is checked."""
     asked = (
         _question_of_conditions(diagnosis),
+        _question_of_a_sensor(diagnosis),
         _question_of_the_model(diagnosis),
         _only_with_spreads(diagnosis),
         _question_of_parts(diagnosis),
@@ -78,6 +79,16 @@ def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
     )
 
 
+def _question_of_a_sensor(diagnosis: Mapping[str, Any]) -> str:
+    """Which sensor to check before anything is made of what it shows; empty where none is likely off."""
+    sensor = sensor_text(diagnosis)
+    if not sensor or float(diagnosis["unknown"]["probability"]) < _LIKELY:
+        return ""
+    return (
+        f"Check the sensor first, its ratio, its wiring and the column's unit: {sensor}. Then diagnose again."
+    )
+
+
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     """What to ask first where nothing known explains the gap, or a cause does so badly; else empty.
 
@@ -91,7 +102,8 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     if (worse := extension_worse(diagnosis)) and not spreads_make_good(diagnosis):
         reasons.append(f"{worse}, so the extended model is not to be used")
     left = float((diagnosis.get("unknown") or {}).get("probability", 1.0)) >= SHOWN
-    if not reasons and diagnosis.get("verdict") == "unknown" and left and not _alike(diagnosis):
+    nameless = left and not _alike(diagnosis) and not sensor_text(diagnosis)
+    if not reasons and diagnosis.get("verdict") == "unknown" and nameless:
         reasons = ["no known cause explains all of the gap"]
     if not reasons:
         return ""

@@ -5,6 +5,8 @@ from typing import Any
 
 from bench.wording import (
     SHOWN,
+    channel_name,
+    difference_unit,
     effect_name,
     fixed,
     join,
@@ -66,6 +68,28 @@ def verdict_class(diagnosis: Mapping[str, Any]) -> str:
     return "suspected" if verdict == "consistent" and possible(diagnosis) else verdict
 
 
+def sensor_text(diagnosis: Mapping[str, Any]) -> str:
+    """What is off where no cause explains a sensor's readings; empty where it is no sensor.
+
+    >>> current = {"column": "I_L_rms_A", "kind": "gain", "value": 0.0291, "unit": "1"}
+    >>> sensor_text({"unknown": {"sensor": current}})
+    'rms link current reads 2.91 % high'
+    >>> heatsink = {"column": "T_heatsink_C", "kind": "offset", "value": -5.96, "unit": "degC"}
+    >>> sensor_text({"unknown": {"sensor": heatsink}})
+    'heatsink reads 5.96 K low'
+    """
+    sensor = (diagnosis.get("unknown") or {}).get("sensor")
+    if not sensor:
+        return ""
+    size = abs(float(sensor["value"]))
+    of = (
+        f"{100 * size:.3g} %"
+        if sensor["kind"] == "gain"
+        else f"{size:.3g} {difference_unit(sensor['column'])}"
+    )
+    return f"{channel_name(sensor['column'])} reads {of} {'high' if sensor['value'] > 0 else 'low'}"
+
+
 def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     """What no cause of the catalogue explains: how probable, how large, where; empty where there is hardly anything.
 
@@ -84,6 +108,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
         )
     if unknown.get("probability", 0.0) < 0.01:
         return ""
+    if sensor := sensor_text(diagnosis):
+        return f"{probability_text(unknown['probability'])} probable that a sensor is off: {sensor}"
     said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
     if "location" not in unknown:
         return said
@@ -117,6 +143,9 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> nothing_left = left_over | {"unknown": {"probability": 0.0}}
     >>> verdict_text(nothing_left | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
     'Something is wrong: dead time (60.0 %) is suspected, but may be no further off than parts are'
+    >>> current = {"column": "I_L_rms_A", "kind": "gain", "value": 0.0291, "unit": "1"}
+    >>> verdict_text({"verdict": "unknown", "unknown": {"probability": 1.0, "sensor": current}})
+    'A sensor is off: rms link current reads 2.91 % high'
     >>> strained = {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
     >>> verdict_text(strained | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
     'Something is wrong that efficiency alone does not tell; dead time would need loss laws that are off as well'
@@ -131,7 +160,8 @@ def _of_names(diagnosis: Mapping[str, Any]) -> str:
     named, groups = diagnosis.get("named") or (), diagnosis.get("groups") or ()
     tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups)
     leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
-    unknown = f"something unknown ({probability_text(leftover)})" if leftover >= _SUSPECTED else ""
+    what = "a sensor that is off" if sensor_text(diagnosis) else "something unknown"
+    unknown = f"{what} ({probability_text(leftover)})" if leftover >= _SUSPECTED else ""
     if not (named or groups):
         return VERDICTS[str(diagnosis["verdict"])]
     if not named:
@@ -169,7 +199,8 @@ def _of_the_unknown(diagnosis: Mapping[str, Any]) -> str:
     if unknown.get("strained"):
         told = "Something is wrong that efficiency alone does not tell"
         return f"{told}; {sure} would need loss laws that are off as well" if sure else told
+    sensor = sensor_text(diagnosis)
     if not sure:
-        return VERDICTS["unknown"]
+        return f"A sensor is off: {sensor}" if sensor else VERDICTS["unknown"]
     explain = "explain" if " and " in sure else "explains"
     return f"{sure[0].upper()}{sure[1:]} {explain} a part of the gap; no known cause explains the rest"

@@ -173,6 +173,8 @@ class Diagnosis:
         if u is None:
             return {}
         placed = {"location": u.location, "rms_W": u.rms_W}
+        if u.sensor is not None:
+            return placed | {"sensor": u.sensor.as_plain()}
         if u.rms_W == 0.0:  # timing and the ac elements move no watts
             return placed
         return placed | {"formula": u.formula, "formula_explains": u.explained}

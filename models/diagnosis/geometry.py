@@ -193,7 +193,7 @@ class Geometry:
             let_in = self.admitted[leftover.key]
             if at[0] is not leftover.columns:
                 at = leftover.columns, on_basis[leftover.columns]
-            on, through = root_solved(let_in.root, leftover.amplitude_W * at[1]), let_in.through(named)
+            on, through = root_solved(let_in.root, leftover.amplitude * at[1]), let_in.through(named)
             outer[k] -= through.T @ on
             between[k] -= through.T @ through
             log_det[k] = let_in.log_det
@@ -233,7 +233,7 @@ class Geometry:
         if leftover is not None:
             let_in, columns = (
                 self.admitted[leftover.key],
-                leftover.amplitude_W * self.leftovers.basis[leftover.columns],
+                leftover.amplitude * self.leftovers.basis[leftover.columns],
             )
             on = root_solved(let_in.root, columns @ solved.T)
             back = root_solved(let_in.root, on, transposed=True)
@@ -319,7 +319,7 @@ def _admitted(leftovers: Leftovers, inner: Array, spreads: Array) -> dict[tuple[
         shared.setdefault(id(leftover.columns), []).append(leftover)
     found = {}
     for alike in shared.values():
-        at, scale = alike[0].columns, np.array([leftover.amplitude_W for leftover in alike])
+        at, scale = alike[0].columns, np.array([leftover.amplitude for leftover in alike])
         between = scale[:, None, None] ** 2 * inner[at[:, None], at]
         between[:, np.arange(at.size), np.arange(at.size)] += 1.0
         roots, on_spreads = np.linalg.cholesky(between), spreads[at]

@@ -5,7 +5,8 @@ there would be; temperatures follow by amounts of their own. It is written as :m
 (always, with the bridges on, under load), straight trends, and the leading eigenvectors of a squared-exponential kernel
 at the measured set points. Some losses change faster than that, but go by one quantity alone: the heatsink's measured
 temperature (a contact, a leakage current), or the power (a controller that changes its ways). Which location and how
-many watts it has is not known, so every configuration is a rival of its own.
+many watts it has is not known, so every configuration is a rival of its own, and beside them a sensor that is off
+(:mod:`models.diagnosis.sensors`).
 """
 
 from collections.abc import Collection, Iterable
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.covariance import kernel, locations
 from models.diagnosis.observations import Observations
+from models.diagnosis.sensors import AMPLITUDES, sensor_errors
 
 Array = NDArray[np.float64]
 
@@ -50,21 +52,21 @@ _LENGTH_OF_HEAT, _LENGTH_OF_POWER = 0.3, 0.08  # of the range of the one quantit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leftover:
-    """One configuration: where, how much (one sigma, W), and its columns in the basis."""
+    """One configuration: where, how much (one sigma, in W, or in steps of a sensor), and its columns in the basis."""
 
     location: str
-    amplitude_W: float
+    amplitude: float
     columns: NDArray[np.intp]
 
     @property
     def key(self) -> tuple[str, float]:
         """What tells it from the others."""
-        return self.location, self.amplitude_W
+        return self.location, self.amplitude
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leftovers:
-    """``basis`` (Q, M): columns of all maps at one watt; ``configurations`` that are rivals of each other.
+    """``basis`` (Q, M): columns of all maps at one watt, or step; ``configurations`` that are rivals of each other.
 
     ``shared_by`` so many is what the prior leaves for them all.
     """
@@ -83,7 +85,7 @@ class Leftovers:
 
     def of(self, leftover: Leftover, pulled: Array) -> Array:
         """The most probable course (M,) of a leftover; ``pulled`` (M,) is C'^-1 of what was left with it in C'."""
-        columns = leftover.amplitude_W * self.basis[leftover.columns]
+        columns = leftover.amplitude * self.basis[leftover.columns]
         return np.asarray(columns.T @ (columns @ pulled))
 
 
@@ -104,11 +106,13 @@ def trends(place: Array) -> Array:
     return np.asarray(_TREND * (apart[:, moving] / spread[moving]).T)
 
 
-def leftovers(observations: Observations, per_watt: Array, power: float = 1.0) -> Leftovers:
+def leftovers(observations: Observations, per_watt: Array, expected: Array, power: float = 1.0) -> Leftovers:
     """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves.
 
-    ``power`` is that of the converter against the prototype's, for which amplitudes are stated.
+    ``expected`` (M,) is what sensors would show; ``power`` is that of the converter against the prototype's, for which
+    amplitudes are stated.
     """
+    amplitudes_W, straight_W = (tuple(power * a for a in each) for each in (AMPLITUDES_W, _STRAIGHT_W))
     row, power_W = observations.row, np.asarray(observations.points.power_W)
     used, place = np.unique(row, return_inverse=True)
     where = locations(observations)[used]
@@ -131,19 +135,21 @@ def leftovers(observations: Observations, per_watt: Array, power: float = 1.0) -
         said = "at the output" if scale is at_output else "watts"
         parts = [basis.part(shared, said, scale)] if shared else []
         parts += [basis.part((c,), "watts", watt) for c in own]
-        found.append((name, np.concatenate(parts), AMPLITUDES_W))
-        found.append((f"{name}, straight", np.concatenate([p[: len(straight)] for p in parts]), _STRAIGHT_W))
+        found.append((name, np.concatenate(parts), amplitudes_W))
+        found.append((f"{name}, straight", np.concatenate([p[: len(straight)] for p in parts]), straight_W))
     if "efficiency" in present:
         gain = power_W[row] / np.sqrt(np.mean(power_W[row] ** 2))
         for name, maps in _over_time(observations, used):
             scale = gain if name == GAIN_IN_TIME else watt
-            found.append((name, basis.add(("efficiency",), scale, maps[:, place]), AMPLITUDES_W))
+            found.append((name, basis.add(("efficiency",), scale, maps[:, place]), amplitudes_W))
     for said, maps in _by_one_quantity(observations, used):
         for name, channels in _together(present).items():
             follows = np.any([observations.of(c) for c in _LIKE_OUTPUT.get(name, ())], axis=0)
             scale = at_output if name == "output" else np.where(follows, per_watt, watt)
-            found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), _STRAIGHT_W))
-    return basis.leftovers(found, power)
+            found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), straight_W))
+    for where_off, channel, step in sensor_errors(observations, expected):
+        found.append((where_off, basis.add(channel, step, np.ones((1, step.size))), AMPLITUDES))
+    return basis.leftovers(found)
 
 
 def _over_time(observations: Observations, used: NDArray[np.intp]) -> Iterable[tuple[str, Array]]:
@@ -223,12 +229,10 @@ class _Basis:
             self._known[key] = self.add(channels, scale, self._maps)
         return self._known[key]
 
-    def leftovers(
-        self, found: Iterable[tuple[str, NDArray[np.intp], tuple[float, ...]]], power: float
-    ) -> Leftovers:
-        """All configurations: places with their columns, at each amplitude, times the converter's power."""
+    def leftovers(self, found: Iterable[tuple[str, NDArray[np.intp], tuple[float, ...]]]) -> Leftovers:
+        """All configurations: places with their columns, at each amplitude."""
         configurations = tuple(
-            Leftover(location=name, amplitude_W=power * amplitude, columns=columns)
+            Leftover(location=name, amplitude=amplitude, columns=columns)
             for name, columns, amplitudes in found
             for amplitude in amplitudes
         )

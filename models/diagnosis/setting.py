@@ -72,8 +72,8 @@ class Setting:
     def leftover_everywhere(self) -> Array:
         """Directions (q, M) of the largest leftover that is thought possible in all channels."""
         known = self.refinery.geometry.leftovers
-        widest = max(known.configurations, key=lambda c: (c.columns.size, c.amplitude_W))
-        return np.asarray(widest.amplitude_W * known.basis[widest.columns])
+        widest = max(known.configurations, key=lambda c: (c.columns.size, c.amplitude))
+        return np.asarray(widest.amplitude * known.basis[widest.columns])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ class FirstSight:
         cls, observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
     ) -> Self:
         """With the noise of replicates to begin with."""
-        rivals = leftovers(observations, known.per_watt, size("power", baseline.converter))
+        rivals = leftovers(observations, known.per_watt, known.baseline, size("power", baseline.converter))
         noiseless = noiseless_covariance(observations, known)
         bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
         return cls(bench=bench, looked=bench.settled(bench.begun(sigma_of(observations, noise)), looks=1))

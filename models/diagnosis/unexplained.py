@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.evidence import Hypothesis, probability_of
 from models.diagnosis.refinery import Refinery
+from models.diagnosis.sensors import SensorError, sensor_error
 from sim.operating_points import Points
 
 Array = NDArray[np.float64]
@@ -38,7 +39,7 @@ class Unexplained:
 
     ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,), whose ``readings`` (n,) of the input power
     show it; ``size`` its length in sigmas of what the fit beside it leaves open, errors of its causes' laws included;
-    ``probability`` that of any leftover.
+    ``probability`` that of any leftover. ``sensor`` is what is off where it is a sensor's error.
     """
 
     location: str
@@ -50,6 +51,7 @@ class Unexplained:
     watts: Array
     size: float
     probability: float
+    sensor: SensorError | None = None
 
     @property
     def likely(self) -> bool:
@@ -82,6 +84,7 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
         watts=watts,
         size=float(np.sqrt(shift @ refinery.solve(best.fit, shift[None])[0])),
         probability=probability,
+        sensor=sensor_error(observations, best.leftover.location, shift, refinery.known.baseline),
     )
 
 

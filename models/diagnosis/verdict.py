@@ -18,6 +18,7 @@ from models.diagnosis.everyday import everyday_together
 from models.diagnosis.evidence import Hypothesis, probability_of
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.leftover import GAIN_IN_TIME
+from models.diagnosis.sensors import is_sensor
 from models.diagnosis.unexplained import Unexplained
 from models.diagnosis.whitener import Whitener
 
@@ -98,10 +99,14 @@ def _is_ordinary(hypothesis: Hypothesis, faint: bool, whitener: Whitener) -> boo
     return (faint or hypothesis.leftover is None) and everyday_together(hypothesis.fit.terms, whitener)
 
 
+def _place(hypotheses: Sequence[Hypothesis]) -> str:
+    """The most probable place of a leftover."""
+    return next((h.leftover.location for h in hypotheses if h.leftover is not None), "")
+
+
 def _is_faint(hypotheses: Sequence[Hypothesis], length: float) -> bool:
     """Whether a leftover of this length, at its most probable place, is one that any bench has."""
-    place = next((h.leftover.location for h in hypotheses if h.leftover is not None), "")
-    return length < (_FAINT_GAIN if place == GAIN_IN_TIME else _FAINT)
+    return length < (_FAINT_GAIN if _place(hypotheses) == GAIN_IN_TIME else _FAINT)
 
 
 def _above(term: Term) -> float:
@@ -210,8 +215,9 @@ def judge(
 
     ``leftover`` is the length in sigmas of what is left over, where anything is. Where that is probable a cause is
     stated beside it only if its value is further from off, well above: what nobody has thought of looks a little
-    like something. Beside a long one the readings must also call for it against any other leftover. What is sure and
-    shorter than that is no cause beside a stated one: it is not listed, and the leftover is said.
+    like something, but for a sensor that is off. Beside a long one the readings must also call for it against any other
+    leftover. What is sure and shorter than that is no cause beside a stated one: it is not listed, and the leftover is
+    said.
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed. Where readings that were taken for outliers
@@ -226,7 +232,8 @@ def judge(
     nameless = probability_of(h for h in bare if h.leftover is not None and not faint)
     beside = probability_of(h for h in hypotheses if h.leftover is not None)
     causes = marginal(hypotheses) if fits else []
-    least = max(leftover if beside >= _LIKELY else 0.0, _caught(hypotheses))
+    in_the_way = beside >= _LIKELY and not is_sensor(_place(hypotheses))
+    least = max(leftover if in_the_way else 0.0, _caught(hypotheses))
     standing = {c.effect: _standing(c, hypotheses, least) for c in causes}
     large = [c for c in causes if nameable and standing[c.effect] >= least * _above(c.term)]
     excluded = ordinary < 1 - SURE

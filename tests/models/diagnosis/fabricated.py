@@ -90,7 +90,7 @@ def white_leftovers(readings: int) -> Leftovers:
     """A leftover that may be anything at every reading, at several amplitudes."""
     columns = np.arange(readings)
     configurations = tuple(
-        Leftover(location="anywhere", amplitude_W=amplitude, columns=columns) for amplitude in AMPLITUDES_W
+        Leftover(location="anywhere", amplitude=amplitude, columns=columns) for amplitude in AMPLITUDES_W
     )
     return Leftovers(basis=np.eye(readings), configurations=configurations, shared_by=len(configurations))
 

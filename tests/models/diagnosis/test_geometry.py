@@ -12,7 +12,7 @@ RNG = np.random.default_rng(3)
 ROOT = RNG.standard_normal((READINGS, READINGS))
 SPREADS, BASIS = RNG.standard_normal((4, READINGS)), RNG.standard_normal((5, READINGS))
 WHOLE = ROOT @ ROOT.T + READINGS * np.eye(READINGS) + SPREADS.T @ SPREADS
-LEFTOVER = Leftover(location="input", amplitude_W=1.7, columns=np.array([1, 3, 4]))
+LEFTOVER = Leftover(location="input", amplitude=1.7, columns=np.array([1, 3, 4]))
 GEOMETRY = Geometry.of(
     Whitener.of(WHOLE), SPREADS, Leftovers(basis=BASIS, configurations=(LEFTOVER,), shared_by=1)
 )
@@ -24,7 +24,7 @@ def direct(own: np.ndarray, leftover: Leftover | None) -> np.ndarray:
     """The covariance written out."""
     covariance = WHOLE - SPREADS[own].T @ SPREADS[own]
     if leftover is not None:
-        columns = leftover.amplitude_W * BASIS[leftover.columns]
+        columns = leftover.amplitude * BASIS[leftover.columns]
         covariance = covariance + columns.T @ columns
     return covariance
 

@@ -27,8 +27,8 @@ def _fit(effects: str | None, shift: np.ndarray) -> Fit:
     return joint_fit({name: shift / len(names) for name in names}, shift)
 
 
-def _leftover(amplitude_W: float) -> Leftover | None:
-    return Leftover(location="input", amplitude_W=amplitude_W, columns=np.arange(0)) if amplitude_W else None
+def _leftover(amplitude: float) -> Leftover | None:
+    return Leftover(location="input", amplitude=amplitude, columns=np.arange(0)) if amplitude else None
 
 
 def judged(*entries: Entry, misfit: float = 1.0, leftover: float = 0.0) -> Verdict:
@@ -160,7 +160,7 @@ def test_a_leftover_without_a_cause_is_unknown() -> None:
 def test_a_gain_that_wanders_a_little_is_of_any_room() -> None:
     nothing = _fit(None, 0 * ALONG)
     for place, kind in (("gain over time", "consistent"), ("timing", "unknown")):
-        leftover = Leftover(location=place, amplitude_W=0.5, columns=np.arange(0))
+        leftover = Leftover(location=place, amplitude=0.5, columns=np.arange(0))
         hypothesis = Hypothesis(fit=nothing, leftover=leftover, probability=1.0)
         assert judge([hypothesis], WHITENER, leftover=9.0).kind == kind
 
