@@ -135,7 +135,7 @@ def cause_bars(causes: Sequence[Mapping[str, Any]], unknown: float, consistent: 
 
 def leftover_map(residuals: pd.DataFrame) -> go.Figure | None:
     """What no cause explains, in watts at the input, over output power; colour is D2."""
-    if "leftover_W" not in residuals or not residuals["leftover_W"].notna().any():
+    if "leftover_W" not in residuals or not residuals["leftover_W"].fillna(0.0).any():
         return None
     rows = residuals.dropna(subset=["leftover_W"])
     marker = {

@@ -8,6 +8,7 @@ from bench.verdict_wording import doubted_conditions, possible, sensor_text
 from bench.wording import (
     SHOWN,
     action_text,
+    channel_name,
     counted,
     effect_name,
     join,
@@ -80,13 +81,17 @@ def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
 
 
 def _question_of_a_sensor(diagnosis: Mapping[str, Any]) -> str:
-    """Which sensor to check before anything is made of what it shows; empty where none is likely off."""
-    sensor = sensor_text(diagnosis)
-    if not sensor or float(diagnosis["unknown"]["probability"]) < _LIKELY:
+    """Which sensor to check before anything is made of what it shows; empty where none is likely off.
+
+    >>> heatsink = {"column": "T_heatsink_C", "kind": "offset", "value": 6.0, "unit": "degC"}
+    >>> _question_of_a_sensor({"unknown": {"probability": 1.0, "sensor": heatsink}})
+    "Check what reads the heatsink (T_heatsink_C): its ratio, its wiring, the column's unit; then diagnose again."
+    """
+    unknown = diagnosis.get("unknown") or {}
+    if not (sensor := unknown.get("sensor")) or float(unknown["probability"]) < _LIKELY:
         return ""
-    return (
-        f"Check the sensor first, its ratio, its wiring and the column's unit: {sensor}. Then diagnose again."
-    )
+    of = f"{channel_name(str(sensor['column']))} ({sensor['column']})"
+    return f"Check what reads the {of}: its ratio, its wiring, the column's unit; then diagnose again."
 
 
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:

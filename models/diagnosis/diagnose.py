@@ -172,10 +172,10 @@ class Diagnosis:
         u = self.unexplained
         if u is None:
             return {}
-        placed = {"location": u.location, "rms_W": u.rms_W}
+        placed: dict[str, Any] = {"location": u.location, "rms_W": u.rms_W}
         if u.sensor is not None:
-            return placed | {"sensor": u.sensor.as_plain()}
-        if u.rms_W == 0.0:  # timing and the ac elements move no watts
+            placed["sensor"] = u.sensor.as_plain()
+        if u.rms_W == 0.0:  # timing, the ac elements and other sensors move no watts
             return placed
         return placed | {"formula": u.formula, "formula_explains": u.explained}
 

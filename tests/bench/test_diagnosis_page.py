@@ -197,6 +197,22 @@ def test_efficiency_alone_asks_for_voltages_that_nobody_read(page: DiagnosisPage
     assert "Make sure first that V1_V" not in written(replace(page, diagnosis=read), tmp_path)
 
 
+def test_a_sensor_that_is_off_is_said_and_is_to_be_checked_first(page: DiagnosisPage, tmp_path: Path) -> None:
+    current = {"column": "I_L_rms_A", "kind": "gain", "value": 0.029, "unit": "1"}
+    unknown = {"probability": 0.999, "location": "gain of I_L_rms_A", "rms_W": 0.0, "sensor": current}
+    off = ANSWER | {"verdict": "unknown", "named": [], "causes": [], "unknown": unknown}
+    residuals = page.residuals.assign(leftover_W=0.0)
+    text = written(replace(page, diagnosis=off, residuals=residuals), tmp_path).replace(
+        "\N{NO-BREAK SPACE}", " "
+    )
+    assert "A sensor is off: rms link current reads 2.9 % high" in text
+    assert "<li>Check what reads the rms link current (I_L_rms_A)" in text
+    assert "Make sure first that the model" not in text
+    assert "What no cause explains" not in text  # no watt is missing
+    beside = written(replace(page, diagnosis=ANSWER | {"unknown": unknown}), tmp_path)
+    assert "Cause named beside a sensor that is off" in beside
+
+
 def test_what_is_less_likely_than_nothing_is_said_all_the_same(page: DiagnosisPage, tmp_path: Path) -> None:
     open_ = {"verdict": "consistent", "unknown": {"probability": 0.0}, "consistent": {"probability": 0.56}}
     text = written(

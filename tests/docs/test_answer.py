@@ -28,6 +28,7 @@ from models.diagnosis.conditions import Condition
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import CHANNELS
 from models.diagnosis.race import NextMeasurement
+from models.diagnosis.sensors import SensorError
 from models.diagnosis.unexplained import Unexplained
 from models.optimise import OptimumTable
 from sim.model import Model
@@ -87,6 +88,7 @@ def full() -> Diagnosis:
     leftover = Unexplained(
         location="input", rms_W=1.0, formula="1 W", explained=1.0, rows=rows, readings=rows,
         watts=np.ones(2), size=9.0, probability=1.0,
+        sensor=SensorError(column="D0", kind="offset", value=0.1, unit="Th"),
     )  # fmt: skip
     step = NextMeasurement(
         action="measure a point", separates=("dead_time",), expected_sigma=2.0, minutes=4.0, set_point=(1, 0, 500)

@@ -1,0 +1,75 @@
+"""A sensor that is off is told as such: which, and how far; a cause beside it keeps its name."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import schedule, survey
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.observations import observe
+from models.diagnosis.sensors import GAIN, SensorError, sensor_error, sensor_errors
+from sim.model import Model
+from sim.prototype import prototype
+from tests.models.diagnosis.virtual_campaign import set_points, simulated_campaign
+
+SEED = 160
+
+
+def lab(**hidden: float) -> pd.DataFrame:
+    return survey(Laboratory.draw(seed=SEED, hidden=hidden), schedule(*set_points(60, seed=SEED)), seed=SEED)
+
+
+def seen(frame: pd.DataFrame) -> Diagnosis:
+    return diagnose(load_measurements(frame))
+
+
+def sensor_of(found: Diagnosis) -> SensorError:
+    assert found.unexplained is not None
+    assert found.unexplained.sensor is not None
+    return found.unexplained.sensor
+
+
+@pytest.mark.parametrize("ratio", [1.03, 2.0**0.5])
+def test_a_probe_on_another_ratio_is_no_loss_and_no_timing(ratio: float) -> None:
+    frame = lab()
+    found = seen(frame.assign(I_L_rms_A=ratio * frame["I_L_rms_A"]))
+    assert (found.verdict.kind, found.verdict.stated) == ("unknown", ())
+    sensor = sensor_of(found)
+    assert (sensor.column, sensor.kind, sensor.unit) == ("I_L_rms_A", "gain", "1")
+    assert sensor.value == pytest.approx(
+        ratio - 1.0, abs=0.005
+    )  # of which 0.3 % is what a sound one may have
+
+
+def test_a_thermometer_that_reads_high_heats_nothing() -> None:
+    frame = lab()
+    sensor = sensor_of(seen(frame.assign(T_heatsink_C=frame["T_heatsink_C"] + 6.0)))
+    assert (sensor.column, sensor.kind, sensor.unit) == ("T_heatsink_C", "offset", "degC")
+    assert sensor.value == pytest.approx(6.0, abs=1.5)  # three sigmas of what a sound one may be off by
+
+
+def test_a_cause_beside_a_sensor_that_is_off_is_named() -> None:
+    frame = lab(link_resistance=0.08)
+    found = seen(frame.assign(T_heatsink_C=frame["T_heatsink_C"] + 6.0))
+    assert found.verdict.named == ("link_resistance",)
+    assert found.verdict.unknown_probability > 0.95
+    assert sensor_of(found).column == "T_heatsink_C"
+
+
+def test_what_is_read_back_of_a_sensor_is_what_it_is_off_by() -> None:
+    observations = observe(simulated_campaign(Model.baseline(), seed=1, count=20), prototype())
+    expected = observations.value
+    places = list(sensor_errors(observations, expected))
+    assert {name for _, (name,), _ in places} == {c.name for c in observations.channels} - {
+        "efficiency",
+        "D0",
+    }
+    for place, (name,), step in places:
+        shift = np.where(observations.of(name), -2.0 * step, 0.0)
+        found = sensor_error(observations, place, shift, expected)
+        assert found is not None
+        off = found.value * (expected if place.startswith(GAIN) else 1.0)
+        np.testing.assert_allclose(np.where(observations.of(name), off, 0.0), shift, rtol=1e-9, atol=1e-12)
+    assert sensor_error(observations, "input", np.zeros(expected.size), expected) is None
