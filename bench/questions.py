@@ -262,5 +262,7 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
         return todo
     if doubted_conditions(diagnosis) and not possible(diagnosis):
         return [todo[0], _PROVIDED, *todo[1:]]
+    if diagnosis.get("parts") and not possible(diagnosis):
+        return todo
     first = _NOT_YET if possible(diagnosis) else _AGREES
     return [f"{first} What follows would make sure." if todo else first, *todo]

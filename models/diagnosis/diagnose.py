@@ -55,7 +55,7 @@ class Diagnosis:
     """The verdict with everything that it rests on; what causes are worth, what the points can see and what to measure
     next are found when they are asked for.
 
-    ``parts`` are those that the stated explanation needs beyond the everyday line, with how many sigmas each,
+    ``parts`` are those that what is found needs beyond the everyday line, with how many sigmas each,
     ``conditions`` those that nobody read.
     ``held_out`` and ``ahead`` are the gains and the next measurements where they were worked out side by side already;
     None where they are worked out once asked for.
@@ -313,7 +313,7 @@ def _diagnosed(
         refinery=refinery,
         unexplained=nameless if nameless is not None and nameless.likely else None,
         alike=[replace(c, row=measurements.rows[c.row]) for c in judged.alike if c.sigma > BY_CHANCE],
-        parts=parts_beyond(refinery, chosen) if verdict.stated else {},
+        parts={} if verdict.kind == "unknown" else parts_beyond(refinery, chosen),
         conditions=unread_conditions(refinery, chosen),
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,

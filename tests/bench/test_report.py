@@ -166,6 +166,13 @@ def test_actions_follow_the_verdict(data):
     tied = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": []}))
     assert tied == ["Check ac-link resistance: measure the ac link with four wires."]
     assert "Nothing needs changing" in actions(replace(data, diagnosis=MINIMAL))[0]
+    (strange,) = actions(
+        replace(data, diagnosis=MINIMAL | {"parts": [{"part": "P_link1_W gain", "sigma": 4.73}]})
+    )
+    assert (
+        strange
+        == "More may be wrong than is said: what is found needs P link1 gain 4.7 times its everyday spread off."
+    )
     step = {"action": "measure D1 = 0.7, D2 = 0.2, 500 W", "separates": ["dead_time"], "minutes": 4.0}
     asked = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": [step]}))
     assert asked[-1] == "Measure next: D1 = 0.7, D2 = 0.2, 500 W (about 4 min), to settle dead time."

@@ -43,6 +43,13 @@ def test_a_probe_on_another_ratio_is_no_loss_and_no_timing(ratio: float) -> None
     )  # of which 0.3 % is what a sound one may have
 
 
+def test_what_an_element_has_to_be_off_by_where_nothing_else_is_wrong_is_told() -> None:
+    frame = lab()
+    found = seen(frame.assign(P_link1_W=1.01 * frame["P_link1_W"]))
+    assert found.verdict.kind == "consistent"
+    assert set(found.parts) == {"P_link1_W gain"}
+
+
 def test_a_thermometer_that_reads_high_heats_nothing() -> None:
     frame = lab()
     sensor = sensor_of(seen(frame.assign(T_heatsink_C=frame["T_heatsink_C"] + 6.0)))
