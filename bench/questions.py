@@ -44,6 +44,7 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     asked = (
         _question_of_conditions(diagnosis),
         _question_of_a_sensor(diagnosis),
+        _question_of_columns(diagnosis),
         _question_of_the_model(diagnosis),
         _only_with_spreads(diagnosis),
         _question_of_parts(diagnosis),
@@ -92,6 +93,18 @@ def _question_of_a_sensor(diagnosis: Mapping[str, Any]) -> str:
         return ""
     of = f"{channel_name(str(sensor['column']))} ({sensor['column']})"
     return f"Check what reads the {of}: its ratio, its wiring, the column's unit; then diagnose again."
+
+
+def _question_of_columns(diagnosis: Mapping[str, Any]) -> str:
+    """Which columns to put right; empty where none was left out.
+
+    >>> _question_of_columns({"rejected_columns": [{"column": "T_inductor_C", "reason": "looks like kelvin"}]})
+    'Put right T_inductor_C, which was left out, and diagnose again: without it less can be told.'
+    """
+    columns = [str(entry["column"]) for entry in diagnosis.get("rejected_columns") or ()]
+    were, them = ("was", "it") if len(columns) == 1 else ("were", "them")
+    said = f"Put right {join(columns)}, which {were} left out, and diagnose again: without {them} less can be told."
+    return said if columns else ""
 
 
 def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
