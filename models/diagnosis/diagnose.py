@@ -207,9 +207,15 @@ class Diagnosis:
         }
 
 
-def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Fit:
-    """The most probable fit that holds all that the verdict states."""
-    return next((h.fit for h in hypotheses if set(verdict.stated) <= set(h.fit.effects)), hypotheses[0].fit)
+def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Hypothesis:
+    """The most probable hypothesis that holds all that the verdict states."""
+    return next((h for h in hypotheses if set(verdict.stated) <= set(h.fit.effects)), hypotheses[0])
+
+
+def _parts(refinery: Refinery, leading: Hypothesis, verdict: Verdict) -> dict[str, float]:
+    """What parts and instruments have to be off by beside what is said, a leftover too; none where that is open."""
+    said = leading.leftover if verdict.unknown_probability else None
+    return {} if verdict.kind == "unknown" else parts_beyond(refinery, leading.fit, said)
 
 
 def _worth(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> Worth | None:
@@ -224,7 +230,9 @@ def _worth(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, see
         covariance=setting.covariance,
         leftover=setting.leftover_everywhere(),
     )
-    return Worth(readings=readings, cause=_leading(hypotheses, verdict), rival=next(wrong, None), seed=seed)
+    return Worth(
+        readings=readings, cause=_leading(hypotheses, verdict).fit, rival=next(wrong, None), seed=seed
+    )
 
 
 def _one_thread() -> threadpool_limits:
@@ -292,7 +300,8 @@ def _diagnosed(
     hypotheses = posterior(refinery, found.fits)
     judged = _Judged.of(setting, hypotheses, found.fits, seed)
     verdict, worth, nameless = judged.verdict, judged.worth, judged.nameless
-    chosen = _leading(hypotheses, verdict)
+    leading = _leading(hypotheses, verdict)
+    chosen = leading.fit
     rivals = rivals_of(hypotheses, refinery, {name for group in verdict.groups for name in group})
     if worth is not None and processes > 1:
         progress("holding out blocks")
@@ -313,7 +322,7 @@ def _diagnosed(
         refinery=refinery,
         unexplained=nameless if nameless is not None and nameless.likely else None,
         alike=[replace(c, row=measurements.rows[c.row]) for c in judged.alike if c.sigma > BY_CHANCE],
-        parts={} if verdict.kind == "unknown" else parts_beyond(refinery, chosen),
+        parts=_parts(refinery, leading, verdict),
         conditions=unread_conditions(refinery, chosen),
         extended=extended(refinery, chosen, verdict.stated, setting.sigma),
         leading=chosen,

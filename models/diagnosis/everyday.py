@@ -60,12 +60,12 @@ def log_everyday(refinery: Refinery, fit: Fit, leftover: Leftover | None = None)
     return float(np.sum(log_inside((-line, line), spreads @ solved[-1], sigma)))
 
 
-def parts_beyond(refinery: Refinery, fit: Fit) -> dict[str, float]:
+def parts_beyond(refinery: Refinery, fit: Fit, leftover: Leftover | None = None) -> dict[str, float]:
     """Which parts and instruments an explanation needs further off than any ordinary bench has, and how many sigmas."""
     spreads, others = refinery.known.spreads, np.ones(len(refinery.known.spreads), dtype=bool)
     others[fit.own(refinery.known)] = False
     others[others.size - refinery.known.lags :] = False  # heat that lags behind is no part
-    off = spreads @ refinery.solved(fit)
+    off = spreads @ refinery.solved(fit, leftover)
     larger = refinery.larger(fit)
     off[: larger.size] /= larger
     return {

@@ -49,10 +49,10 @@ class Begun:
     def _doubting_conditions(self, baseline: Model) -> Self:
         """The same without taking for granted what nobody read, where all readings are clearly likelier so.
 
-        Efficiency alone is not asked: a voltage that is off does to it what large causes do that bend.
+        Efficiency alone knows no conditions: a voltage that is off does to it what large causes do that bend.
         """
         known = self.usable.known
-        if not known.unread or self.usable.observations.efficiency_alone:
+        if not known.unread:
             return self
         wider = replace(self.usable, known=known.doubting_conditions())
         doubting = type(self).in_noise(wider, baseline, self.noise)

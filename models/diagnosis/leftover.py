@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.covariance import kernel, locations
 from models.diagnosis.observations import Observations
-from models.diagnosis.sensors import AMPLITUDES, sensor_errors
+from models.diagnosis.sensors import AMPLITUDES, SensorStep
 
 Array = NDArray[np.float64]
 
@@ -106,11 +106,13 @@ def trends(place: Array) -> Array:
     return np.asarray(_TREND * (apart[:, moving] / spread[moving]).T)
 
 
-def leftovers(observations: Observations, per_watt: Array, expected: Array, power: float = 1.0) -> Leftovers:
+def leftovers(
+    observations: Observations, per_watt: Array, power: float = 1.0, sensors: Iterable[SensorStep] = ()
+) -> Leftovers:
     """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves.
 
-    ``expected`` (M,) is what sensors would show; ``power`` is that of the converter against the prototype's, for which
-    amplitudes are stated.
+    ``power`` is that of the converter against the prototype's, for which amplitudes are stated; beside them may be an
+    error of one of the ``sensors``.
     """
     amplitudes_W, straight_W = (tuple(power * a for a in each) for each in (AMPLITUDES_W, _STRAIGHT_W))
     row, power_W = observations.row, np.asarray(observations.points.power_W)
@@ -147,8 +149,7 @@ def leftovers(observations: Observations, per_watt: Array, expected: Array, powe
             follows = np.any([observations.of(c) for c in _LIKE_OUTPUT.get(name, ())], axis=0)
             scale = at_output if name == "output" else np.where(follows, per_watt, watt)
             found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), straight_W))
-    for where_off, channel, step in sensor_errors(observations, expected):
-        found.append((where_off, basis.add(channel, step, np.ones((1, step.size))), AMPLITUDES))
+    found += [(step.place, basis.direction(step.direction), AMPLITUDES) for step in sensors]
     return basis.leftovers(found)
 
 
@@ -218,9 +219,11 @@ class _Basis:
     def add(self, channels: tuple[str, ...], scale: Array, over: Array) -> NDArray[np.intp]:
         """Columns of other maps (r, M) that these channels follow together."""
         of = np.any([self._observations.of(name) for name in channels], axis=0)
-        size = sum(len(block) for block in self._blocks)
-        self._blocks.append(over * np.where(of, scale, 0.0))
-        return np.arange(size, size + len(over))
+        return self._added(over * np.where(of, scale, 0.0))
+
+    def direction(self, direction: Array) -> NDArray[np.intp]:
+        """One column (M,), as it is."""
+        return self._added(direction[None])
 
     def part(self, channels: tuple[str, ...], said: str, scale: Array) -> NDArray[np.intp]:
         """Columns of the maps that these channels follow together, by a scale (M,) of that name."""
@@ -228,6 +231,11 @@ class _Basis:
         if key not in self._known:
             self._known[key] = self.add(channels, scale, self._maps)
         return self._known[key]
+
+    def _added(self, block: Array) -> NDArray[np.intp]:
+        size = sum(len(each) for each in self._blocks)
+        self._blocks.append(block)
+        return np.arange(size, size + len(block))
 
     def leftovers(self, found: Iterable[tuple[str, NDArray[np.intp], tuple[float, ...]]]) -> Leftovers:
         """All configurations: places with their columns, at each amplitude."""

@@ -1,11 +1,12 @@
 """A sensor that is off beyond its specification: its gain or its offset. It loses no watt, and no catalogue has it.
 
-A probe on the wrong ratio, a thermocouple of another type, a column in another unit: everything else then agrees. The
-input power has its own causes of that kind in the catalogue (``analyzer_gain``, ``analyzer_offset``), and D0 goes with
-the gates' skew.
+A probe on the wrong ratio, a thermocouple of another type, a room that was read elsewhere, a voltage that is a supply's
+display: everything else then agrees. The input power has its own causes of that kind in the catalogue
+(``analyzer_gain``, ``analyzer_offset``), and D0 goes with the gates' skew. A condition that is read wrong is simulated
+wrong: all readings move.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,18 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
+from models.diagnosis.signatures import Signatures
+from models.diagnosis.variants import sigma_unread
 
 Array = NDArray[np.float64]
 
-GAIN, OFFSET = "gain of ", "offset of "
-AMPLITUDES = (1.0, 5.0, 30.0)  # one sigma, in the steps below
-_GAIN_STEP, _OFFSET_STEP = 0.01, 5.0  # of reading; times what a simulation of the channel is good to
-_WITHOUT = ("efficiency", "D0")
+AMPLITUDES = (1.0, 5.0, 30.0)  # one sigma, in steps
+_GAIN_STEP, _ROOM_STEP_K = 0.01, 1.0  # of reading
+_OFFSET_STEP = 5.0  # times what a simulation of the channel is good to
+_WITHOUT, _VOLTAGES = ("efficiency", "D0"), ("V1_V", "V2_V")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorError:
-    """How far a sensor is off: a ``gain`` as a share of its reading, or an offset in the column's ``unit``."""
+    """How far a sensor is off: a ``gain`` as a share of its reading, or an ``offset`` in the column's ``unit``."""
 
     column: str
     kind: str
@@ -36,33 +39,61 @@ class SensorError:
         return asdict(self)
 
 
-def sensor_errors(observations: Observations, expected: Array) -> Iterator[tuple[str, tuple[str], Array]]:
-    """By its place the channel and the direction (M,) of every sensor's gain and offset, a step each.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorStep:
+    """An error of a size that stands for others, and the ``direction`` (M,) in which it moves readings."""
 
-    ``expected`` (M,) is what the sensors would show.
-    """
+    error: SensorError
+    direction: Array
+
+    @property
+    def place(self) -> str:
+        """A leftover's place, in words."""
+        return f"{self.error.kind} of {self.error.column}"
+
+
+def sensor_steps(observations: Observations, known: Signatures) -> Iterator[SensorStep]:
+    """Every sensor's gain and offset, and those of conditions that were read."""
+    expected = np.nan_to_num(known.baseline)
     for channel in observations.channels:
         if channel.name not in _WITHOUT:
-            yield GAIN + channel.name, (channel.name,), _GAIN_STEP * np.nan_to_num(expected)
-            step = _OFFSET_STEP * channel.accuracy
-            yield OFFSET + channel.name, (channel.name,), np.full(expected.size, step)
+            at = observations.of(channel.name)
+            yield _step(channel.column, "gain", _GAIN_STEP, "1", np.where(at, _GAIN_STEP * expected, 0.0))
+            offset = _OFFSET_STEP * channel.accuracy
+            yield _step(channel.column, "offset", offset, channel.unit, np.where(at, offset, 0.0))
+    for column in _conditions_read(observations, known):
+        room = column == "T_ambient_C"
+        size = _ROOM_STEP_K if room else _GAIN_STEP
+        direction = -size / sigma_unread(column, 1.0) * known.conditions[column]  # what reads high is less
+        yield _step(column, "offset" if room else "gain", size, "degC" if room else "1", direction)
+
+
+def _conditions_read(observations: Observations, known: Signatures) -> list[str]:
+    """The conditions whose sensors are asked of: of voltages both or none, as either bends what the other one does."""
+    unread = set(observations.unread)
+    if unread.intersection(_VOLTAGES):
+        unread.update(_VOLTAGES)
+    return [column for column in known.conditions if column not in unread]
+
+
+def _step(column: str, kind: str, value: float, unit: str, direction: Array) -> SensorStep:
+    return SensorStep(
+        error=SensorError(column=column, kind=kind, value=value, unit=unit), direction=direction
+    )
 
 
 def is_sensor(location: str) -> bool:
     """Whether a leftover's place is a sensor."""
-    return location.startswith((GAIN, OFFSET))
+    return location.startswith(("gain of ", "offset of "))
 
 
-def sensor_error(
-    observations: Observations, location: str, shift: Array, expected: Array
-) -> SensorError | None:
-    """What a leftover at that place, a ``shift`` (M,) of what is ``expected`` (M,), says of a sensor; else None."""
-    if not is_sensor(location):
-        return None
-    kind, name = location.split(" of ")
-    channel = next(c for c in observations.channels if c.name == name)
-    at = observations.of(name)
-    share = kind == GAIN.split()[0]
-    of = expected[at] if share else np.ones(np.count_nonzero(at))
-    value = float(shift[at] @ of / (of @ of))
-    return SensorError(column=channel.column, kind=kind, value=value, unit="1" if share else channel.unit)
+def sensor_error(steps: Iterable[SensorStep], location: str, shift: Array) -> SensorError | None:
+    """What a leftover at that place, a ``shift`` (M,) of readings, says of a sensor; None of what is none."""
+    for step in steps:
+        if step.place == location:
+            times = float(shift @ step.direction / (step.direction @ step.direction))
+            error = step.error
+            return SensorError(
+                column=error.column, kind=error.kind, value=times * error.value, unit=error.unit
+            )
+    return None

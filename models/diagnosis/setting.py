@@ -26,6 +26,7 @@ from models.diagnosis.noise import (
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import on_tangents
+from models.diagnosis.sensors import sensor_steps
 from models.diagnosis.signatures import Signatures
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.model import Model
@@ -88,7 +89,12 @@ class FirstSight:
         cls, observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
     ) -> Self:
         """With the noise of replicates to begin with."""
-        rivals = leftovers(observations, known.per_watt, known.baseline, size("power", baseline.converter))
+        rivals = leftovers(
+            observations,
+            known.per_watt,
+            size("power", baseline.converter),
+            sensor_steps(observations, known),
+        )
         noiseless = noiseless_covariance(observations, known)
         bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
         return cls(bench=bench, looked=bench.settled(bench.begun(sigma_of(observations, noise)), looks=1))

@@ -80,7 +80,8 @@ class Signatures:
     ``per_watt`` (M,) is the change for one watt more at the output. ``inaccuracy`` (3, M) is that of the simulation,
     of the input power such a share as ``doubt`` says, of other channels as ``others_doubt``; what each loss part's
     law, one of ``laws`` (parts, M), may be off by over the whole map then stands beneath.
-    ``unread`` are one sigma each of conditions that nobody read, (M,) by column: no spreads but where readings say so.
+    ``conditions`` are what voltages and a room do, (M,) by column, one sigma each of such that nobody read; ``unread``
+    are those that nobody read: no spreads but where readings say so.
     ``near`` is the baseline's simulation at ``rows`` of the frame, for variants to start from along ``lines``;
     ``told`` is what variants say there; ``state`` (by row of the frame) is what thresholds are of.
     """
@@ -95,7 +96,8 @@ class Signatures:
     per_watt: Array
     inaccuracy: Array
     laws: Array
-    unread: Mapping[str, Array] = field(default_factory=dict)
+    conditions: Mapping[str, Array] = field(default_factory=dict)
+    unread: tuple[str, ...] = ()
     lags: int = 0
     is_slow: bool = False
     doubt: float = 1.0
@@ -158,12 +160,12 @@ class Signatures:
     def doubting_conditions(self) -> Self:
         """The same with what nobody read as spreads: nominal no more."""
         rest, names = len(self.spreads) - self.lags, tuple(name + NOT_READ for name in self.unread)
-        spreads = [self.spreads[:rest], *(shift[None] for shift in self.unread.values()), self.slow]
+        spreads = [self.spreads[:rest], *(self.conditions[name][None] for name in self.unread), self.slow]
         return replace(
             self,
             spreads=np.concatenate(spreads),
             spread_names=(*self.spread_names[:rest], *names, *self.spread_names[rest:]),
-            unread={},
+            unread=(),
         )
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
@@ -194,7 +196,7 @@ class Signatures:
             per_watt=self.per_watt[readings],
             inaccuracy=self.inaccuracy[:, readings],
             laws=self.laws[:, readings],
-            unread={name: shift[readings] for name, shift in self.unread.items()},
+            conditions={name: shift[readings] for name, shift in self.conditions.items()},
         )
 
 
@@ -270,7 +272,8 @@ def signatures(
         per_watt=per_watt,
         inaccuracy=inaccuracy(observations, near, baseline.converter),
         laws=of_laws(observations, near),
-        unread={name: np.nan_to_num(UNREAD[name] * shifts[name]) for name in asked.unread},
+        conditions={name: np.nan_to_num(UNREAD[name] * shifts[name]) for name in asked.conditions},
+        unread=tuple(name for name in asked.conditions if name in observations.unread),
         lags=len(lags),
         rows=used,
         near=near,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.evidence import Hypothesis, probability_of
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.sensors import SensorError, sensor_error
+from models.diagnosis.sensors import SensorError, sensor_error, sensor_steps
 from sim.operating_points import Points
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
         watts=watts,
         size=float(np.sqrt(shift @ refinery.solve(best.fit, shift[None])[0])),
         probability=probability,
-        sensor=sensor_error(observations, best.leftover.location, shift, refinery.known.baseline),
+        sensor=sensor_error(sensor_steps(observations, refinery.known), best.leftover.location, shift),
     )
 
 

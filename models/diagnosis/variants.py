@@ -69,14 +69,14 @@ class Moved:
 class Variants:
     """The effects and parts of a baseline, and all that is simulated, by key: the baseline first, the inputs last.
 
-    ``unread`` are the conditions that nobody read, of which it is asked what they would change.
+    ``conditions`` are those of which it is asked what they would change.
     """
 
     effects: tuple[Asked, ...]
     spreads: tuple[Spread, ...]
     limit: tuple[int, ...]
     cases: Mapping[Variant, Case]
-    unread: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, observations: Observations, baseline: Model, among: Collection[str] | None) -> Self:
@@ -95,10 +95,10 @@ class Variants:
         for s, sigmas in (*((s, 1.0) for s in spreads), *((spreads[k], -1.0) for k in limit)):
             shifted = Model(converter=s.shifted(baseline.converter, sigmas), effects=baseline.effects)
             cases["spread", s.path, sigmas] = shifted, at
-        unread = observations.unread if among is None else []
-        moved = [*_inputs(at), *(_in_another_room(at) if "T_ambient_C" in unread else ())]
+        conditions = tuple(UNREAD) if among is None and not alone else ()
+        moved = [*_inputs(at), *(_in_another_room(at) if conditions else ())]
         cases |= {("input", k): (baseline, there) for k, there in enumerate(moved)}
-        return cls(effects=effects, spreads=spreads, limit=limit, cases=cases, unread=tuple(unread))
+        return cls(effects=effects, spreads=spreads, limit=limit, cases=cases, conditions=conditions)
 
     def moved(self, readings: Sequence[Array]) -> Moved:
         """Readings (M,) of all cases but the baseline, in their order."""
@@ -174,7 +174,7 @@ def _spreads(baseline: Model) -> tuple[Spread, ...]:
 
 
 def _in_another_room(p: Points) -> list[Points]:
-    """The points in a warmer room: one sigma of what nobody read."""
+    """The points in a warmer room: one sigma of one that nobody read."""
     return [replace(p, ambient_C=np.asarray(p.ambient_C) + _ROOM_K)]
 
 

@@ -37,14 +37,14 @@ def _missed(rivals: Leftovers, location: str, wanted: Array) -> float:
 
 def test_a_leftover_sits_only_where_a_channel_shows_it() -> None:
     observations = loads(np.linspace(300.0, 1500.0, ROWS))
-    places = {c.location for c in leftovers(observations, np.ones(ROWS), observations.value).configurations}
+    places = {c.location for c in leftovers(observations, np.ones(ROWS)).configurations}
     # with the input power alone the others are the same, or nothing
     assert places == {"input", "input, straight", "over time", "gain over time"}
 
 
 def test_a_contact_that_worsens_steeply_with_temperature_is_followed() -> None:
     observations = _bench()
-    rivals = leftovers(observations, np.ones(observations.value.size), observations.value)
+    rivals = leftovers(observations, np.ones(observations.value.size))
     watts = CURRENT_A**2 * np.exp(HEATSINK_C / 14.0)
     wanted = np.where(observations.of("efficiency"), watts[observations.row], 0.0)
     assert _missed(rivals, "input, by temperature", wanted) < 0.05  # of a smooth kernel 2 % is left out
@@ -53,7 +53,7 @@ def test_a_contact_that_worsens_steeply_with_temperature_is_followed() -> None:
 
 def test_what_a_controller_does_in_a_narrow_band_of_power_is_followed() -> None:
     observations = _bench()
-    rivals = leftovers(observations, np.ones(observations.value.size), observations.value)
+    rivals = leftovers(observations, np.ones(observations.value.size))
     watts = np.exp(-0.5 * ((POWER_W - 700.0) / 120.0) ** 2)
     wanted = np.where(observations.of("efficiency"), watts[observations.row], 0.0)
     assert _missed(rivals, "input, by power", wanted) < 0.05
@@ -63,7 +63,7 @@ def test_what_a_controller_does_in_a_narrow_band_of_power_is_followed() -> None:
 def test_a_loss_in_series_moves_the_phase_shift_as_one_at_the_output_does() -> None:
     observations = _bench()
     shift = observations.of("D0")
-    rivals = leftovers(observations, np.where(shift, 5e-4, 1.0), observations.value)
+    rivals = leftovers(observations, np.where(shift, 5e-4, 1.0))
     place = next(c for c in rivals.configurations if c.location == "ac link, in series, by temperature")
     level = rivals.basis[place.columns[0]]
     assert level[shift] == pytest.approx(5e-4 * level[observations.of("efficiency")], rel=1e-12)
@@ -75,7 +75,7 @@ def test_rows_that_share_a_time_still_have_a_gain_that_wanders() -> None:
     stamps = 60.0 * (np.arange(ROWS) // 3)
     observations = observe(frame.assign(efficiency=0.98, time_s=stamps), prototype())
     gain = POWER_W * np.sin(stamps / 400.0)
-    assert _missed(leftovers(observations, np.ones(ROWS), observations.value), "gain over time", gain) < 0.05
+    assert _missed(leftovers(observations, np.ones(ROWS)), "gain over time", gain) < 0.05
 
 
 def test_leading_maps_hold_nearly_all_of_a_smooth_kernel() -> None:

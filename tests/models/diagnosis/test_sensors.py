@@ -8,10 +8,8 @@ from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
-from models.diagnosis.observations import observe
-from models.diagnosis.sensors import GAIN, SensorError, sensor_error, sensor_errors
+from models.diagnosis.sensors import SensorError, sensor_error, sensor_steps
 from sim.model import Model
-from sim.prototype import prototype
 from tests.models.diagnosis.virtual_campaign import set_points, simulated_campaign
 
 SEED = 160
@@ -65,18 +63,25 @@ def test_a_cause_beside_a_sensor_that_is_off_is_named() -> None:
     assert sensor_of(found).column == "T_heatsink_C"
 
 
+@pytest.mark.parametrize(
+    ("column", "gain", "offset"), [("V1_V", 1.01, 0.0), ("V2_V", 0.99, 0.0), ("T_ambient_C", 1.0, 8.0)]
+)
+def test_a_condition_that_is_read_wrong_is_told(column: str, gain: float, offset: float) -> None:
+    frame = lab()
+    sensor = sensor_of(seen(frame.assign(**{column: gain * frame[column] + offset})))
+    assert (sensor.column, sensor.kind) == (column, "offset" if offset else "gain")
+    assert sensor.value == pytest.approx(
+        offset or gain - 1.0, rel=0.25
+    )  # the lab's own instruments are off, too
+
+
 def test_what_is_read_back_of_a_sensor_is_what_it_is_off_by() -> None:
-    observations = observe(simulated_campaign(Model.baseline(), seed=1, count=20), prototype())
-    expected = observations.value
-    places = list(sensor_errors(observations, expected))
-    assert {name for _, (name,), _ in places} == {c.name for c in observations.channels} - {
-        "efficiency",
-        "D0",
-    }
-    for place, (name,), step in places:
-        shift = np.where(observations.of(name), -2.0 * step, 0.0)
-        found = sensor_error(observations, place, shift, expected)
-        assert found is not None
-        off = found.value * (expected if place.startswith(GAIN) else 1.0)
-        np.testing.assert_allclose(np.where(observations.of(name), off, 0.0), shift, rtol=1e-9, atol=1e-12)
-    assert sensor_error(observations, "input", np.zeros(expected.size), expected) is None
+    found = seen(simulated_campaign(Model.baseline(), seed=1, count=20).assign(V1_V=300.0, V2_V=140.0))
+    steps = list(sensor_steps(found.observations, found.refinery.known))
+    channels = {c.column for c in found.observations.channels} - {"P1_W", "D0"}
+    assert {step.error.column for step in steps} == channels | {"V1_V", "V2_V"}  # the room was not read
+    for step in steps:
+        off = sensor_error(steps, step.place, -2.0 * step.direction)
+        assert off is not None
+        assert off.value == pytest.approx(-2.0 * step.error.value, rel=1e-12)  # rounding
+    assert sensor_error(steps, "input", np.zeros(found.residual.size)) is None
