@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.covariance import kernel, locations
 from models.diagnosis.observations import Observations
-from models.diagnosis.sensors import AMPLITUDES, SensorStep
+from models.diagnosis.sensors import AMPLITUDE, SensorStep
 
 Array = NDArray[np.float64]
 
@@ -149,7 +149,7 @@ def leftovers(
             follows = np.any([observations.of(c) for c in _LIKE_OUTPUT.get(name, ())], axis=0)
             scale = at_output if name == "output" else np.where(follows, per_watt, watt)
             found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), straight_W))
-    found += [(step.place, basis.direction(step.direction), AMPLITUDES) for step in sensors]
+    found += [(step.place, basis.direction(step.direction), (AMPLITUDE,)) for step in sensors]
     return basis.leftovers(found)
 
 

@@ -19,7 +19,7 @@ from models.diagnosis.variants import sigma_unread
 
 Array = NDArray[np.float64]
 
-AMPLITUDES = (1.0, 5.0, 30.0)  # one sigma, in steps
+AMPLITUDE = 5.0  # one sigma, in steps: a hundredth is told, and a probe on the wrong ratio as well
 _GAIN_STEP, _ROOM_STEP_K = 0.01, 1.0  # of reading
 _OFFSET_STEP = 5.0  # times what a simulation of the channel is good to
 _WITHOUT, _VOLTAGES = ("efficiency", "D0"), ("V1_V", "V2_V")

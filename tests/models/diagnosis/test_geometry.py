@@ -13,8 +13,9 @@ ROOT = RNG.standard_normal((READINGS, READINGS))
 SPREADS, BASIS = RNG.standard_normal((4, READINGS)), RNG.standard_normal((5, READINGS))
 WHOLE = ROOT @ ROOT.T + READINGS * np.eye(READINGS) + SPREADS.T @ SPREADS
 LEFTOVER = Leftover(location="input", amplitude=1.7, columns=np.array([1, 3, 4]))
+LINE = Leftover(location="gain of P_link1_W", amplitude=2.3, columns=np.array([2]))
 GEOMETRY = Geometry.of(
-    Whitener.of(WHOLE), SPREADS, Leftovers(basis=BASIS, configurations=(LEFTOVER,), shared_by=1)
+    Whitener.of(WHOLE), SPREADS, Leftovers(basis=BASIS, configurations=(LEFTOVER, LINE), shared_by=2)
 )
 VECTORS = RNG.standard_normal((3, READINGS))
 NOBODY = np.empty(0, dtype=np.intp)
@@ -29,7 +30,7 @@ def direct(own: np.ndarray, leftover: Leftover | None) -> np.ndarray:
     return covariance
 
 
-@pytest.mark.parametrize("leftover", [None, LEFTOVER])
+@pytest.mark.parametrize("leftover", [None, LEFTOVER, LINE])
 @pytest.mark.parametrize("own", [NOBODY, OWN])
 def test_products_and_determinant_are_those_of_the_matrix_written_out(
     own: np.ndarray, leftover: Leftover | None
@@ -43,11 +44,22 @@ def test_products_and_determinant_are_those_of_the_matrix_written_out(
     assert log_det == pytest.approx(expected, abs=1e-10)
 
 
-@pytest.mark.parametrize("leftover", [None, LEFTOVER])
+@pytest.mark.parametrize("leftover", [None, LEFTOVER, LINE])
 @pytest.mark.parametrize("own", [NOBODY, OWN])
 def test_solutions_are_those_of_the_matrix_written_out(own: np.ndarray, leftover: Leftover | None) -> None:
     expected = np.linalg.solve(direct(own, leftover), VECTORS.T).T
     np.testing.assert_allclose(GEOMETRY.solve(VECTORS, own, leftover), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_products_beside_many_leftovers_are_those_beside_each() -> None:
+    seen, own = [GEOMETRY.project(VECTORS), GEOMETRY.project(VECTORS[:2])], [OWN, NOBODY]
+    beside = [LINE, None, LEFTOVER]
+    together = GEOMETRY.products_beside(seen, own, beside)
+    for k, leftover in enumerate(beside):
+        alone = GEOMETRY.products_beside(seen, own, [leftover])
+        for (products, log_dets), (one, log_det) in zip(together, alone, strict=True):
+            np.testing.assert_allclose(products[k], one[0], rtol=1e-9)  # rounding
+            assert log_dets[k] == pytest.approx(log_det[0], abs=1e-12)
 
 
 def test_vectors_less_others_and_spreads_beside_them_are_as_projected() -> None:
