@@ -161,6 +161,7 @@ def test_what_looks_like_scpi_text_on_the_tcp_port_gets_no_modbus_reply(client: 
 def test_minimalmodbus_reads_and_sets_the_supply_over_rtu(mock: MockSupply) -> None:
     with RtuServer(mock) as server:
         stranger = minimalmodbus.Instrument(server.path, 1)
+        stranger.serial.timeout = 5.0  # s; by itself it gives up after 50 ms, which a busy machine may take
         try:
             assert stranger.read_string(1, 20).rstrip("\0") == "PSI 9500-30 3U"
             assert stranger.read_float(121) == 500.0
