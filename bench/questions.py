@@ -76,8 +76,8 @@ def _question_of_conditions(diagnosis: Mapping[str, Any]) -> str:
         return ""
     said = join([f"{c['column']} was {size_text(c['column'], c['taken'])}" for c in taken])
     return (
-        f"Make sure first that {said}: the table does not say, so that was taken, and to efficiency alone one or two "
-        "per cent more or less look like a cause."
+        f"Make sure first that {said}: the table does not say, so that was taken, and to efficiency alone a per "
+        "cent more or less may look like a cause."
     )
 
 

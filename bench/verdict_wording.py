@@ -59,13 +59,14 @@ def doubted_conditions(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def verdict_class(diagnosis: Mapping[str, Any]) -> str:
-    """What colours the box of a verdict: a suspect is no agreement.
+    """What colours the box of a verdict: a suspect is no agreement, nor is what needs a condition, or a part, far off.
 
     >>> verdict_class({"verdict": "consistent", "causes": [{"effect": "dead_time", "probability": 0.7}]})
     'suspected'
     """
     verdict = str(diagnosis.get("verdict", ""))
-    return "suspected" if verdict == "consistent" and possible(diagnosis) else verdict
+    open_ = possible(diagnosis) or doubted_conditions(diagnosis) or diagnosis.get("parts")
+    return "suspected" if verdict == "consistent" and open_ else verdict
 
 
 def sensor_text(diagnosis: Mapping[str, Any]) -> str:
@@ -126,6 +127,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
 def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     """The verdict as one headline.
 
+    >>> verdict_text({"verdict": "named"})
+    'Cause named'
     >>> verdict_text({"verdict": "group", "groups": [["fan_step", "auxiliary_power"]]})
     'fan power step or auxiliary power: these data cannot tell which'
     >>> verdict_text({"verdict": "named", "named": ["dead_time"], "unknown": {"probability": 0.8}})
@@ -146,6 +149,9 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> current = {"column": "I_L_rms_A", "kind": "gain", "value": 0.0291, "unit": "1"}
     >>> verdict_text({"verdict": "unknown", "unknown": {"probability": 1.0, "sensor": current}})
     'A sensor is off: rms link current reads 2.91 % high'
+    >>> beside = {"verdict": "unknown", "unknown": {"probability": 1.0, "sensor": current}}
+    >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
+    'Dead time explains a part of the gap; a sensor is off: rms link current reads 2.91 % high'
     >>> strained = {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
     >>> verdict_text(strained | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
     'Something is wrong that efficiency alone does not tell; dead time would need loss laws that are off as well'
@@ -195,12 +201,13 @@ def _of_the_unknown(diagnosis: Mapping[str, Any]) -> str:
         if float(unknown.get("probability", 0.0)) < SHOWN:
             return f"Something is wrong: {likeliest} is suspected, but may be no further off than parts are"
         return f"Something is wrong: {likeliest}, or what no known cause explains"
-    sure = join([effect_name(str(cause["effect"])) for cause in probable_causes(diagnosis, _SURE)])
+    causes = [effect_name(str(cause["effect"])) for cause in probable_causes(diagnosis, _SURE)]
+    sure, sensor = join(causes), sensor_text(diagnosis)
     if unknown.get("strained"):
         told = "Something is wrong that efficiency alone does not tell"
         return f"{told}; {sure} would need loss laws that are off as well" if sure else told
-    sensor = sensor_text(diagnosis)
     if not sure:
         return f"A sensor is off: {sensor}" if sensor else VERDICTS["unknown"]
-    explain = "explain" if " and " in sure else "explains"
-    return f"{sure[0].upper()}{sure[1:]} {explain} a part of the gap; no known cause explains the rest"
+    explain = "explain" if len(causes) > 1 else "explains"
+    rest = f"a sensor is off: {sensor}" if sensor else "no known cause explains the rest"
+    return f"{sure[0].upper()}{sure[1:]} {explain} a part of the gap; {rest}"

@@ -70,7 +70,7 @@ _AMBIENT_C = 25.0  # Assumption: of a room whose temperature nobody noted
 _COARSE, _OF_A_PLAN = 0.01, 20  # of a half period; values of D1 or D2 that a plan may set
 _CONDITIONS = ("V1_V", "V2_V", "T_ambient_C")
 # conditions that are held, and such as change by small steps
-_AT_TERMINALS, _BETWEEN_ROWS = ("V1_V", "V2_V"), ("T_ambient_C", "time_s")
+VOLTAGES, _BETWEEN_ROWS = ("V1_V", "V2_V"), ("T_ambient_C", "time_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +184,7 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
         given = frame[name].to_numpy(dtype=float)
         if name in _BETWEEN_ROWS:
             given = _between_rows(given)
-        elif name in _AT_TERMINALS:
+        elif name in VOLTAGES:
             carrying = given[np.isfinite(given) & frame["kind"].isin(LOADED_KINDS).to_numpy()]
             given = np.where(np.isfinite(given), given, np.median(carrying) if carrying.size else default)
         return np.where(np.isfinite(given), given, default)
@@ -246,7 +246,7 @@ def taken_for_granted(frame: pd.DataFrame, converter: Converter) -> list[str]:
             "more than noise, in what looks like timing; write them with four decimals"
         )
     for names, taken in (
-        (_AT_TERMINALS, "as the median of the others"),
+        (VOLTAGES, "as the median of the others"),
         (_BETWEEN_ROWS, "from the rows around"),
     ):
         for name in names:

@@ -7,13 +7,13 @@ wrong: all readings move.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.observations import Observations
+from models.diagnosis.observations import VOLTAGES, Observations
 from models.diagnosis.signatures import Signatures
 from models.diagnosis.variants import sigma_unread
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 AMPLITUDE = 5.0  # one sigma, in steps: a hundredth is told, and a probe on the wrong ratio as well
 _GAIN_STEP, _ROOM_STEP_K = 0.01, 1.0  # of reading
 _OFFSET_STEP = 5.0  # times what a simulation of the channel is good to
-_WITHOUT, _VOLTAGES = ("efficiency", "D0"), ("V1_V", "V2_V")
+_WITHOUT = ("efficiency", "D0")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,8 +71,8 @@ def sensor_steps(observations: Observations, known: Signatures) -> Iterator[Sens
 def _conditions_read(observations: Observations, known: Signatures) -> list[str]:
     """The conditions whose sensors are asked of: of voltages both or none, as either bends what the other one does."""
     unread = set(observations.unread)
-    if unread.intersection(_VOLTAGES):
-        unread.update(_VOLTAGES)
+    if unread.intersection(VOLTAGES):
+        unread.update(VOLTAGES)
     return [column for column in known.conditions if column not in unread]
 
 
@@ -92,8 +92,5 @@ def sensor_error(steps: Iterable[SensorStep], location: str, shift: Array) -> Se
     for step in steps:
         if step.place == location:
             times = float(shift @ step.direction / (step.direction @ step.direction))
-            error = step.error
-            return SensorError(
-                column=error.column, kind=error.kind, value=times * error.value, unit=error.unit
-            )
+            return replace(step.error, value=times * step.error.value)
     return None

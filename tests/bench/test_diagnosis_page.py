@@ -181,6 +181,7 @@ def test_a_condition_that_readings_doubt_is_what_to_do_first(page: DiagnosisPage
     assert asked < text.index("If it was that, nothing needs changing")
     assert "V1 304.1 V (95 %: 303.6 to 304.6; the model has 300 V)" in text.replace("\N{NO-BREAK SPACE}", " ")
     assert "Nothing needs changing:" not in text
+    assert '<section class="verdict suspected"' in text
 
 
 def test_efficiency_alone_asks_for_voltages_that_nobody_read(page: DiagnosisPage, tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ def test_a_cause_beside_a_sensor_that_is_off_is_named() -> None:
     assert found.verdict.named == ("link_resistance",)
     assert found.verdict.unknown_probability > 0.95
     assert sensor_of(found).column == "T_heatsink_C"
+    assert not found.parts  # a thermometer's own spread is not asked to do it
 
 
 @pytest.mark.parametrize(
