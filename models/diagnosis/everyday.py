@@ -53,8 +53,10 @@ def log_everyday(refinery: Refinery, fit: Fit, leftover: Leftover | None = None)
     larger = refinery.larger(fit)
     line[: larger.size] *= larger
     others = np.setdiff1d(np.arange(line.size), fit.own(refinery.known))
-    spreads, line = refinery.known.spreads[others], line[others]
-    solved = refinery.solve(fit, np.vstack([spreads, refinery.residual - fit.shift]), leftover)
+    spreads, line, geometry = refinery.known.spreads[others], line[others], refinery.geometry
+    right = np.vstack([spreads, refinery.residual - fit.shift])
+    bare = np.vstack([geometry.spreads_solved[others], geometry.whitener.solve(right[-1])])
+    solved = refinery.solve(fit, right, leftover, bare=bare)
     told = np.sum(spreads * solved[:-1], axis=1)
     sigma = np.sqrt(np.clip(1.0 - told, _LEAST_OPEN, 1.0))
     return float(np.sum(log_inside((-line, line), spreads @ solved[-1], sigma)))

@@ -226,9 +226,16 @@ class Geometry:
                 found[n] = product[None], log_det[None]
         return found
 
-    def solve(self, vectors: Array, own: Rows, leftover: Leftover | None = None) -> Array:
-        """``C'^-1`` of vectors (k, M), without the spreads ``own``, with a leftover."""
-        solved = np.concatenate([self.whitener.solve(vectors.T).T, self.spreads_solved[own]])
+    def solve(
+        self, vectors: Array, own: Rows, leftover: Leftover | None = None, *, bare: Array | None = None
+    ) -> Array:
+        """``C'^-1`` of vectors (k, M), without the spreads ``own``, with a leftover.
+
+        ``bare`` (k, M) is C^-1 of them, where that is known.
+        """
+        if bare is None:
+            bare = self.whitener.solve(vectors.T).T
+        solved = np.concatenate([bare, self.spreads_solved[own]])
         between = self.between_spreads[np.ix_(own, own)]
         if leftover is not None:
             let_in, columns = (

@@ -39,9 +39,12 @@ def power_to_spare(observations: Observations, model: Model, least: float) -> ND
 
 
 def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result]:
-    """Readings (M,) of rows with a :func:`margin`, and a reference of all rows."""
+    """Readings (M,) of rows with a :func:`margin`, and a reference of all rows, which takes longer: it is made here."""
+    reference_of = partial(observations.reference, baseline)
     spare_of = partial(power_to_spare, observations, baseline, margin(observations))
-    spare, of_all = at_once(spare_of, partial(observations.reference, baseline))
+    if observations.processes < 2:
+        return spare_of(), reference_of()
+    of_all, spare = at_once(reference_of, spare_of)
     return spare, of_all
 
 

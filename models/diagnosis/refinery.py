@@ -103,11 +103,17 @@ class Refinery:
         """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""
         return np.asarray(self.solve(fit, (self.residual - fit.shift)[None], leftover)[0])
 
-    def solve(self, fit: Fit, right: Array, leftover: Leftover | None = None) -> Array:
-        """The same of any vectors (k, M)."""
-        law = np.concatenate([np.empty((0, right.shape[1])), *(d.factor * d.vectors for d in self.law(fit))])
-        solved = self.geometry.solve(np.concatenate([right, law]), fit.own(self.known), leftover)
-        found, beside = solved[: len(right)], solved[len(right) :]
+    def solve(
+        self, fit: Fit, right: Array, leftover: Leftover | None = None, *, bare: Array | None = None
+    ) -> Array:
+        """The same of any vectors (k, M); ``bare`` (k, M) is C^-1 of them, where that is known."""
+        if bare is None:
+            bare = self.geometry.whitener.solve(right.T).T
+        laws = self.law(fit)
+        vectors = np.concatenate([right, *(d.factor * d.vectors for d in laws)])
+        bare = np.concatenate([bare, *(d.factor * d.solved for d in laws)])
+        solved = self.geometry.solve(vectors, fit.own(self.known), leftover, bare=bare)
+        found, beside, law = solved[: len(right)], solved[len(right) :], vectors[len(right) :]
         if not len(law):
             return np.asarray(found)
         inner = np.eye(len(law)) + law @ beside.T

@@ -1,5 +1,6 @@
 """Near the most that D1 and D2 carry: which rows take part, and what is known of how they bend."""
 
+import multiprocessing
 from dataclasses import replace
 
 import numpy as np
@@ -104,6 +105,13 @@ def test_a_first_look_is_at_all_rows_by_however_many_processes(alone: Observatio
         spare, of_all = first_looks(replace(alone, processes=processes), BASELINE)
         np.testing.assert_array_equal(spare, power_to_spare(alone, BASELINE, margin(alone)))
         np.testing.assert_allclose(of_all["P1_W"], expected, rtol=1e-9)  # rounding
+
+
+def test_a_single_process_looks_without_a_fork(alone: Observations, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        multiprocessing.get_context("fork").Process, "start", lambda self: pytest.fail("a fork was started")
+    )
+    first_looks(replace(alone, processes=1), BASELINE)
 
 
 def test_answers_about_a_cause_are_those_of_its_own_model(alone: Observations) -> None:
