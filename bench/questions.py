@@ -4,12 +4,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from bench.verdict_wording import doubted_conditions, possible, sensor_text
+from bench.verdict_wording import doubted_conditions, onset_text, possible, sensor_text
 from bench.wording import (
     SHOWN,
     action_text,
     channel_name,
     counted,
+    duration,
     effect_name,
     join,
     parameter_text,
@@ -44,6 +45,7 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     asked = (
         _question_of_conditions(diagnosis),
         _question_of_a_sensor(diagnosis),
+        _question_of_an_onset(diagnosis),
         _question_of_columns(diagnosis),
         _question_of_the_model(diagnosis),
         _only_with_spreads(diagnosis),
@@ -95,6 +97,23 @@ def _question_of_a_sensor(diagnosis: Mapping[str, Any]) -> str:
     return f"Check what reads the {of}: its ratio, its wiring, the column's unit; then diagnose again."
 
 
+def _question_of_an_onset(diagnosis: Mapping[str, Any]) -> str:
+    """What to do where a cause is not there all the time; empty where none is.
+
+    >>> onset = {"between_rows": [58, 59], "time_s": 10440.0, "check": "tighten the terminals"}
+    >>> _question_of_an_onset({"unknown": {"probability": 1.0, "onset": onset}})[:78]
+    'Find out what changed at 2 h 54 min (tighten the terminals), and diagnose what'
+    """
+    unknown = diagnosis.get("unknown") or {}
+    if not (onset := unknown.get("onset")) or float(unknown["probability"]) < _LIKELY:
+        return ""
+    before, row = onset["between_rows"]
+    return (
+        f"Find out what changed at {duration(onset['time_s'])} ({onset['check']}), and diagnose what was measured up "
+        f"to row {before} and from row {row} on each on its own: all rows together are of no single converter."
+    )
+
+
 def _question_of_columns(diagnosis: Mapping[str, Any]) -> str:
     """Which columns to put right; empty where none was left out.
 
@@ -120,7 +139,8 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     if (worse := extension_worse(diagnosis)) and not spreads_make_good(diagnosis):
         reasons.append(f"{worse}, so the extended model is not to be used")
     left = float((diagnosis.get("unknown") or {}).get("probability", 1.0)) >= SHOWN
-    nameless = left and not _alike(diagnosis) and not sensor_text(diagnosis)
+    told = sensor_text(diagnosis) or onset_text(diagnosis)
+    nameless = left and not _alike(diagnosis) and not told
     if not reasons and diagnosis.get("verdict") == "unknown" and nameless:
         reasons = ["no known cause explains all of the gap"]
     if not reasons:

@@ -7,6 +7,7 @@ from bench.wording import (
     SHOWN,
     channel_name,
     difference_unit,
+    duration,
     effect_name,
     fixed,
     join,
@@ -69,6 +70,27 @@ def verdict_class(diagnosis: Mapping[str, Any]) -> str:
     return "suspected" if verdict == "consistent" and open_ else verdict
 
 
+def onset_text(diagnosis: Mapping[str, Any]) -> str:
+    """Which cause sets in or goes away, and when; empty where what is left over is no such one.
+
+    >>> resistance = {"name": "resistance_Ohm", "value": 0.0606, "off": 0.0}
+    >>> onset = {"effect": "link_resistance", "parameter": resistance, "sets_in": True, "between_rows": [58, 59]}
+    >>> onset_text({"unknown": {"onset": onset | {"time_s": 10440.0}}})
+    'ac-link resistance sets in between rows 58 and 59, at 2 h 54 min (60.6 mΩ then, 0 Ω before)'
+    """
+    onset = (diagnosis.get("unknown") or {}).get("onset")
+    if not onset:
+        return ""
+    p, (before, row) = onset["parameter"], onset["between_rows"]
+    there, aside = (size_text(p["name"], p[of]) for of in ("value", "off"))
+    then, earlier = (there, aside) if onset["sets_in"] else (aside, there)
+    does = "sets in" if onset["sets_in"] else "goes away"
+    return (
+        f"{effect_name(onset['effect'])} {does} between rows {before} and {row}, at {duration(onset['time_s'])} "
+        f"({then} then, {earlier} before)"
+    )
+
+
 def sensor_text(diagnosis: Mapping[str, Any]) -> str:
     """What is off where no cause explains a sensor's readings; empty where it is no sensor.
 
@@ -111,6 +133,10 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
         return ""
     if sensor := sensor_text(diagnosis):
         return f"{probability_text(unknown['probability'])} probable that a sensor is off: {sensor}"
+    if onset := onset_text(diagnosis):
+        return (
+            f"{probability_text(unknown['probability'])} probable that something changed on the way: {onset}"
+        )
     said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
     if "location" not in unknown:
         return said
@@ -152,6 +178,10 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> beside = {"verdict": "unknown", "unknown": {"probability": 1.0, "sensor": current}}
     >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
     'Dead time explains a part of the gap; a sensor is off: rms link current reads 2.91 % high'
+    >>> loose = {"effect": "link_resistance", "sets_in": True, "between_rows": [58, 59], "time_s": 10440.0}
+    >>> loose["parameter"] = {"name": "resistance_Ohm", "value": 0.0606, "off": 0.0}
+    >>> verdict_text({"verdict": "unknown", "unknown": {"probability": 1.0, "onset": loose}})
+    'Ac-link resistance sets in between rows 58 and 59, at 2 h 54 min (60.6 mΩ then, 0 Ω before)'
     >>> strained = {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
     >>> verdict_text(strained | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
     'Something is wrong that efficiency alone does not tell; dead time would need loss laws that are off as well'
@@ -167,6 +197,7 @@ def _of_names(diagnosis: Mapping[str, Any]) -> str:
     tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups)
     leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
     what = "a sensor that is off" if sensor_text(diagnosis) else "something unknown"
+    what = onset_text(diagnosis) or what
     unknown = f"{what} ({probability_text(leftover)})" if leftover >= _SUSPECTED else ""
     if not (named or groups):
         return VERDICTS[str(diagnosis["verdict"])]
@@ -202,12 +233,13 @@ def _of_the_unknown(diagnosis: Mapping[str, Any]) -> str:
             return f"Something is wrong: {likeliest} is suspected, but may be no further off than parts are"
         return f"Something is wrong: {likeliest}, or what no known cause explains"
     causes = [effect_name(str(cause["effect"])) for cause in probable_causes(diagnosis, _SURE)]
-    sure, sensor = join(causes), sensor_text(diagnosis)
+    sure, sensor, onset = join(causes), sensor_text(diagnosis), onset_text(diagnosis)
     if unknown.get("strained"):
         told = "Something is wrong that efficiency alone does not tell"
         return f"{told}; {sure} would need loss laws that are off as well" if sure else told
     if not sure:
-        return f"A sensor is off: {sensor}" if sensor else VERDICTS["unknown"]
+        told = f"a sensor is off: {sensor}" if sensor else onset
+        return f"{told[0].upper()}{told[1:]}" if told else VERDICTS["unknown"]
     explain = "explain" if len(causes) > 1 else "explains"
-    rest = f"a sensor is off: {sensor}" if sensor else "no known cause explains the rest"
+    rest = f"a sensor is off: {sensor}" if sensor else onset or "no known cause explains the rest"
     return f"{sure[0].upper()}{sure[1:]} {explain} a part of the gap; {rest}"

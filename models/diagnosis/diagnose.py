@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,16 +13,17 @@ from threadpoolctl import threadpool_limits
 from models.calibrated import CalibratedPhysics
 from models.calibration import calibrate
 from models.dataset import Measurements
-from models.diagnosis.agreement import Confirmed, confirmed
+from models.diagnosis.agreement import Confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
 from models.diagnosis.conditions import Condition, unread_conditions
 from models.diagnosis.everyday import parts_beyond
-from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
+from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.extension import extended, interval
 from models.diagnosis.found import find
-from models.diagnosis.gain import Gain, Readings, Worth
+from models.diagnosis.gain import Gain, Worth
 from models.diagnosis.gap import Added, gap
 from models.diagnosis.hypotheses import Fit
+from models.diagnosis.judged import judged_of
 from models.diagnosis.left_out import not_usable, outliers, rows_left_out
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
@@ -35,19 +36,15 @@ from models.diagnosis.observations import Observations, observe
 from models.diagnosis.plausibility import RejectedColumn
 from models.diagnosis.race import NextMeasurement, Rival
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.setting import Setting
 from models.diagnosis.sight import Sight, sight
-from models.diagnosis.strain import is_strained
-from models.diagnosis.unexplained import Unexplained, unexplained
+from models.diagnosis.unexplained import Unexplained
 from models.diagnosis.usable import check_table, usable_readings
-from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict, judge, telling_of
+from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict
 from sim.effects.catalogue import CATALOGUE, left_out
 from sim.model import Model
 from sim.side_by_side import at_once, kept
 
 Array = NDArray[np.float64]
-
-_CLIPPED = 3.0  # sigmas
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +53,7 @@ class Diagnosis:
     next are found when they are asked for.
 
     ``parts`` are those that what is found needs beyond the everyday line, with how many sigmas each,
-    ``conditions`` those that nobody read.
+    ``conditions`` those that nobody read; ``measured_rows`` is which row of the table each of the frame was.
     ``held_out`` and ``ahead`` are the gains and the next measurements where they were worked out side by side already;
     None where they are worked out once asked for.
     """
@@ -79,6 +76,7 @@ class Diagnosis:
     leading: Fit
     sigma: Array
     edge: Observations
+    measured_rows: Sequence[int]
     rejected: list[dict[str, Any]]
     rejected_columns: list[RejectedColumn]
     held_out: tuple[Gain, ...] | None = None
@@ -175,6 +173,9 @@ class Diagnosis:
         placed: dict[str, Any] = {"location": u.location, "rms_W": u.rms_W}
         if u.sensor is not None:
             placed["sensor"] = u.sensor.as_plain()
+        if u.onset is not None:
+            placed["onset"] = u.onset.as_plain(u.shift, self.measured_rows)
+            return placed
         if u.rms_W == 0.0:  # timing, the ac elements and other sensors move no watts
             return placed
         return placed | {"formula": u.formula, "formula_explains": u.explained}
@@ -207,32 +208,10 @@ class Diagnosis:
         }
 
 
-def _leading(hypotheses: list[Hypothesis], verdict: Verdict) -> Hypothesis:
-    """The most probable hypothesis that holds all that the verdict states."""
-    return next((h for h in hypotheses if set(verdict.stated) <= set(h.fit.effects)), hypotheses[0])
-
-
 def _parts(refinery: Refinery, leading: Hypothesis, verdict: Verdict) -> dict[str, float]:
     """What parts and instruments have to be off by beside what is said, a leftover too; none where that is open."""
     said = leading.leftover if verdict.unknown_probability else None
     return {} if verdict.kind == "unknown" else parts_beyond(refinery, leading.fit, said)
-
-
-def _worth(setting: Setting, hypotheses: list[Hypothesis], verdict: Verdict, seed: int) -> Worth | None:
-    """What the gain of the stated causes is asked of, next to the best without any of them; None with no cause."""
-    if not verdict.stated:
-        return None
-    wrong = (h.fit for h in hypotheses if h.fit.terms and set(verdict.stated).isdisjoint(h.fit.effects))
-    readings = Readings(
-        observations=setting.refinery.observations,
-        residual=setting.refinery.residual,
-        counts=~setting.outliers,
-        covariance=setting.covariance,
-        leftover=setting.leftover_everywhere(),
-    )
-    return Worth(
-        readings=readings, cause=_leading(hypotheses, verdict).fit, rival=next(wrong, None), seed=seed
-    )
 
 
 def _one_thread() -> threadpool_limits:
@@ -293,14 +272,11 @@ def _diagnosed(
     check_table(whole, measurements, baseline)
     progress(f"simulating {len(CATALOGUE) - len(unknown)} effects at {len(whole.frame)} points")
     first = usable_readings(whole, baseline, unknown, measurements.rows)
-    found = find(first, baseline, progress)
-    usable, observations = found.begun.usable, found.begun.usable.observations
-    refinery = with_laws_as_read(found.setting.refinery, found.fits)
-    setting = replace(found.setting, refinery=refinery)
-    hypotheses = posterior(refinery, found.fits)
-    judged = _Judged.of(setting, hypotheses, found.fits, seed)
+    judged = judged_of(find(first, baseline, progress), seed, progress)
+    begun, setting, hypotheses = judged.begun, judged.setting, judged.hypotheses
+    usable, observations, refinery = begun.usable, begun.usable.observations, setting.refinery
     verdict, worth, nameless = judged.verdict, judged.worth, judged.nameless
-    leading = _leading(hypotheses, verdict)
+    leading = judged.leading
     chosen = leading.fit
     rivals = rivals_of(hypotheses, refinery, {name for group in verdict.groups for name in group})
     if worth is not None and processes > 1:
@@ -311,7 +287,7 @@ def _diagnosed(
         observations=observations,
         baseline=baseline,
         residual=refinery.residual,
-        noise=found.begun.noise,
+        noise=begun.noise,
         gap=gap(observations, refinery.residual, ~setting.outliers),
         added={
             c.effect: Added.by(observations, refinery.residual, c.shift, ~setting.outliers)
@@ -328,6 +304,7 @@ def _diagnosed(
         leading=chosen,
         sigma=setting.sigma,
         edge=usable.edge,
+        measured_rows=measurements.rows,
         rejected=rows_left_out(
             measurements, [*not_usable(whole.frame, first, observations), *outliers(setting)]
         ),
@@ -335,38 +312,6 @@ def _diagnosed(
         held_out=held_out,
         ahead=ahead,
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Judged:
-    """A verdict with what it rests on: what its causes are worth, what no cause explains, readings that miss alike."""
-
-    verdict: Verdict
-    worth: Worth | None
-    nameless: Unexplained | None
-    alike: list[Confirmed]
-
-    @classmethod
-    def of(cls, setting: Setting, hypotheses: list[Hypothesis], fits: Sequence[Fit], seed: int) -> Self:
-        """The verdict of a posterior; causes that only doubted laws hold up are stated by none."""
-        refinery = setting.refinery
-        nameless = unexplained(hypotheses, refinery)
-        alike = confirmed(setting, hypotheses[0])
-        judged = partial(
-            judge,
-            hypotheses,
-            refinery.geometry.whitener,
-            misfit=_misfit(setting, hypotheses),
-            agreement=alike[0].sigma if alike else 0.0,
-            leftover=0.0 if nameless is None else nameless.size,
-        )
-        verdict = judged()
-        worth = _worth(setting, hypotheses, verdict, seed)
-        if worth is not None and is_strained(refinery, fits, worth):
-            verdict, worth = judged(strained=True), None
-        if nameless is not None:
-            verdict = telling_of(verdict, nameless)
-        return cls(verdict=verdict, worth=worth, nameless=nameless, alike=alike)
 
 
 def _at_the_end(
@@ -381,13 +326,3 @@ def _at_the_end(
     # what to measure next stays here: the refinery is twenty times as long to send as what gains are asked of
     ahead, held_out = at_once(partial(next_measurements, o, rivals, refinery=refinery), worth.gains)
     return held_out, ahead
-
-
-def _misfit(setting: Setting, hypotheses: list[Hypothesis]) -> float:
-    """Mean square in sigmas that the most probable hypothesis leaves where no leftover stands beside it.
-
-    Each reading counts up to three sigmas: a threshold that is a little elsewhere leaves a few rows far off.
-    """
-    best = next(h.fit for h in hypotheses if h.leftover is None)
-    sigmas = setting.sigma * setting.refinery.solved(best)
-    return float(np.mean(np.minimum(sigmas**2, _CLIPPED**2)))

@@ -7,6 +7,7 @@ from typing import Self
 
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.noise import ChannelNoise, Replicates, estimate_noise, sigma_of
+from models.diagnosis.onset import Onset, find_onset
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import search
 from models.diagnosis.setting import FirstSight, Setting, set_up
@@ -64,6 +65,10 @@ class Begun:
         """The same in a noise that is known."""
         sight = FirstSight.of(usable.observations, baseline, usable.known, noise)
         return cls(usable=usable, noise=noise, sight=sight)
+
+    def asking(self, onset: Onset) -> Self:
+        """The same with a cause that is not there all the time among the leftovers."""
+        return replace(self, sight=self.sight.asking(onset))
 
     @property
     def far_ahead(self) -> Fit | None:
@@ -131,6 +136,14 @@ class Found:
     def leading(self) -> Fit:
         """The most probable of the fits."""
         return max(self.fits, key=self.setting.refinery.log_probability)
+
+    def onset(self) -> Onset | None:
+        """The cause that is not there all the time, where one is decisively likelier than all that is."""
+        sight, leading = self.begun.sight, self.leading
+        nothing = Fit.nothing(leading.shift.size)
+        fits = [nothing, leading] if leading.terms else [nothing]
+        covariances = [sight.as_replicated(fit.shift) for fit in fits]
+        return find_onset(self.setting.refinery, zip(fits, covariances, strict=True), sight.bench.rivals)
 
 
 def find(usable: Usable, baseline: Model, progress: Callable[[str], None]) -> Found:

@@ -83,6 +83,16 @@ class Leftovers:
         moved = tuple(replace(c, columns=places[id(c.columns)]) for c in chosen)
         return replace(self, basis=self.basis[used], configurations=moved)
 
+    def and_also(self, location: str, direction: Array, amplitude: float) -> Self:
+        """Beside them one more, of a single ``direction`` (M,)."""
+        more = Leftover(location=location, amplitude=amplitude, columns=np.array([len(self.basis)]))
+        return replace(
+            self,
+            basis=np.concatenate([self.basis, direction[None]]),
+            configurations=(*self.configurations, more),
+            shared_by=self.shared_by + 1,
+        )
+
     def of(self, leftover: Leftover, pulled: Array) -> Array:
         """The most probable course (M,) of a leftover; ``pulled`` (M,) is C'^-1 of what was left with it in C'."""
         columns = leftover.amplitude * self.basis[leftover.columns]

@@ -24,6 +24,7 @@ from models.diagnosis.noise import (
     without_widening,
 )
 from models.diagnosis.observations import Observations
+from models.diagnosis.onset import AMPLITUDE, Onset
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import on_tangents
 from models.diagnosis.sensors import sensor_steps
@@ -98,6 +99,17 @@ class FirstSight:
         noiseless = noiseless_covariance(observations, known)
         bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
         return cls(bench=bench, looked=bench.settled(bench.begun(sigma_of(observations, noise)), looks=1))
+
+    def asking(self, onset: Onset) -> "FirstSight":
+        """The same with a cause that is not there all the time among the leftovers."""
+        rivals = self.bench.rivals.and_also(onset.place, onset.direction, AMPLITUDE)
+        bench = replace(self.bench, rivals=rivals)
+        return FirstSight(bench=bench, looked=bench.settled(bench.begun(self.looked.first), looks=1))
+
+    def as_replicated(self, shift: Array) -> Covariance:
+        """The covariance in the noise of replicates, beside what moves the readings by a ``shift`` (M,)."""
+        bench, doubt = self.bench, self.bench.rough * shift
+        return bench.noiseless.noisier(self.looked.first**2 + doubt**2 + bench.known.input_sigma**2)
 
     @cached_property
     def refinery(self) -> Refinery:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.evidence import Hypothesis, probability_of
+from models.diagnosis.onset import Onset, is_onset
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.sensors import SensorError, sensor_error, sensor_steps
 from sim.operating_points import Points
@@ -39,7 +40,8 @@ class Unexplained:
 
     ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,), whose ``readings`` (n,) of the input power
     show it; ``size`` its length in sigmas of what the fit beside it leaves open, errors of its causes' laws included;
-    ``probability`` that of any leftover. ``sensor`` is what is off where it is a sensor's error.
+    ``probability`` that of any leftover. ``sensor`` is what is off where it is a sensor's error, ``onset`` the cause
+    where it is one that is not there all the time, and ``shift`` (M,) what it moves readings by.
     """
 
     location: str
@@ -51,7 +53,9 @@ class Unexplained:
     watts: Array
     size: float
     probability: float
+    shift: Array
     sensor: SensorError | None = None
+    onset: Onset | None = None
 
     @property
     def likely(self) -> bool:
@@ -59,8 +63,13 @@ class Unexplained:
         return self.probability >= _LIKELY
 
 
-def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexplained | None:
-    """The leftover of the most probable hypothesis that has one; None where nothing speaks for any."""
+def unexplained(
+    hypotheses: Sequence[Hypothesis], refinery: Refinery, onset: Onset | None = None
+) -> Unexplained | None:
+    """The leftover of the most probable hypothesis that has one; None where nothing speaks for any.
+
+    The ``onset`` is the one that is among the leftovers.
+    """
     with_one = [h for h in hypotheses if h.leftover is not None]
     probability = probability_of(with_one)
     if probability < _WORTH_A_LOOK:
@@ -84,6 +93,8 @@ def unexplained(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> Unexpla
         watts=watts,
         size=float(np.sqrt(shift @ refinery.solve(best.fit, shift[None])[0])),
         probability=probability,
+        shift=shift,
+        onset=onset if is_onset(best.leftover.location) else None,
         sensor=sensor_error(sensor_steps(observations, refinery.known), best.leftover.location, shift),
     )
 

@@ -1,0 +1,266 @@
+r"""A cause that is not there all the time: one that sets in, or goes away, in the course of a campaign.
+
+A contact that works loose, a fan that stops, a supply that was changed over: before some row the readings agree with
+the simulation, behind it they are moved as a cause of the catalogue moves them. Its direction is
+
+.. math:: s_e(\theta)\, [t \ge t_0] \quad \text{or} \quad s_e(\theta)\, [t < t_0]
+
+of any effect e at any moment, beside nothing and beside the explanation that leads. Causes that are always there pull
+the noise of every channel up to such a step, so it is looked for in the noise that replicates tell; where it is
+decisively likelier than all that is there all the time, and than any leftover, it becomes a rival among the leftovers,
+and all is weighed again.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.geometry import Geometry
+from models.diagnosis.hypotheses import Fit
+from models.diagnosis.leftover import Leftovers
+from models.diagnosis.observations import Observations
+from models.diagnosis.refinery import Refinery
+from models.diagnosis.signatures import Signature
+from models.diagnosis.triangular import root_solved
+from models.diagnosis.whitener import Covariance, Whitener
+from sim.effects.catalogue import CATALOGUE
+
+Array = NDArray[np.float64]
+
+AMPLITUDE = 1.0  # one sigma, in times of what is found at first
+_LEAST_ROWS = 6  # on either side of a moment: fewer may be outliers
+_MOMENTS = 8  # that every effect is tried at: the next one is a sixteenth of the rows away at most
+_SIMULATED = 3  # effects that are simulated at their values
+_TWICE = 2  # times: what is far from a line
+_DECISIVE = 10.0  # in log evidence, beyond the odds of so many tries
+_PLACE = "part of the time"  # a leftover's place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Onset:
+    """A cause that is there on one side of a moment only, and the ``direction`` (M,) in which it moves readings there.
+
+    Its first parameter is ``value`` in ``unit`` there, ``aside`` on the other side. ``at_s`` is the time of the first
+    row (``row``, of the frame) behind the moment, ``before`` the row in front of it; it ``sets_in`` there, or goes
+    away.
+    """
+
+    effect: str
+    parameter: str
+    unit: str
+    value: float
+    aside: float
+    at_s: float
+    before: int
+    row: int
+    sets_in: bool
+    direction: Array
+
+    @property
+    def place(self) -> str:
+        """A leftover's place, in words."""
+        return _PLACE
+
+    def at(self, shift: Array) -> float:
+        """The parameter's value where a leftover of this place moves readings by a ``shift`` (M,)."""
+        times = float(shift @ self.direction / (self.direction @ self.direction))
+        return self.aside + times * (self.value - self.aside)
+
+    def as_plain(self, shift: Array, rows: Sequence[int]) -> dict[str, Any]:
+        """For the JSON answer; ``rows`` is which row of the table each of the frame was."""
+        value, entry = self.at(shift), CATALOGUE[self.effect]
+        return {
+            "effect": self.effect,
+            "parameter": {"name": self.parameter, "unit": self.unit, "value": value, "off": self.aside},
+            "sets_in": self.sets_in,
+            "time_s": self.at_s,
+            "between_rows": [rows[self.before], rows[self.row]],
+            "check": entry.check_at(value),
+        }
+
+
+def is_onset(location: str) -> bool:
+    """Whether a leftover's place is a cause that is not there all the time."""
+    return location == _PLACE
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """A moment between two rows (of the frame) that follow each other in time."""
+
+    at_s: float
+    before: int
+    row: int
+
+
+def _moments(observations: Observations) -> list[_Moment]:
+    """All between rows with readings, with enough rows on either side; none where no time was noted."""
+    rows = np.unique(observations.row)
+    time_s = np.asarray(observations.points.time_s)[rows]
+    order = rows[np.argsort(time_s, kind="stable")]
+    times_s = np.sort(time_s)
+    return [
+        _Moment(at_s=float(times_s[k]), before=int(order[k - 1]), row=int(order[k]))
+        for k in range(_LEAST_ROWS, rows.size - _LEAST_ROWS + 1)
+        if times_s[k] > times_s[k - 1]
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Best:
+    """The best step of one effect: its log evidence in all, the moment, on which side, and times its direction.
+
+    ``whole`` is the log evidence of the same all the time.
+    """
+
+    log_evidence: float
+    whole: float
+    moment: _Moment
+    sets_in: bool
+    times: float
+
+    def forward(self) -> "_Best":
+        """The same of an effect that the fit beside it has, whose value is open: more of it on the other side."""
+        return replace(self, sets_in=not self.sets_in, times=-self.times) if self.times < 0.0 else self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Beside:
+    """What a fit that is there all the time leaves, (M,), under a covariance with the fit's values and laws open.
+
+    ``pulled`` (M,) is C^-1 of it, ``bare`` its log evidence and prior, but for a constant.
+    """
+
+    fit: Fit
+    whitener: Whitener
+    pulled: Array
+    bare: float
+
+    @classmethod
+    def of(cls, refinery: Refinery, fit: Fit, covariance: Covariance) -> "_Beside":
+        """Beside a fit."""
+        left = refinery.residual - fit.shift
+        laws = [d.factor * d.vectors for d in refinery.law(fit)]
+        values = [t.head.prior * t.slope[None] for t in fit.terms]
+        whitener = Whitener.of(covariance.wider(np.concatenate([np.empty((0, left.size)), *laws, *values])))
+        pulled = whitener.solve(left)
+        bare = refinery.log_prior(fit) - 0.5 * (float(left @ pulled) + whitener.log_determinant)
+        return cls(fit=fit, whitener=whitener, pulled=pulled, bare=bare)
+
+    def without_a_step(self, leftovers: Leftovers) -> float:
+        """The log evidence of the best that is there all the time: of no leftover, or of the best one."""
+        none = np.empty((0, self.pulled.size))
+        geometry, told = Geometry.of(self.whitener, none, leftovers), leftovers.basis @ self.pulled
+        best = 0.0
+        for c in leftovers.configurations:
+            let_in = geometry.admitted[c.key]
+            on = root_solved(let_in.root, (c.amplitude * told[c.columns])[:, None])
+            best = max(best, 0.5 * (float(np.sum(on**2)) - let_in.log_det))
+        return self.bare + best
+
+    def best_steps(self, directions: Array, time_s: Array, moments: Sequence[_Moment]) -> list[_Best]:
+        """Of each direction (E, M), one sigma long, the best moment and side; ``time_s`` (M,) is that of readings."""
+        behind = np.array([time_s >= moment.at_s for moment in moments])
+        steps = directions[:, None] * behind
+        solved = self.whitener.solve(np.concatenate([directions, *steps]).T).T
+        whole, solved = solved[: len(directions), None], solved[len(directions) :].reshape(steps.shape)
+        sides = np.stack(
+            [steps, directions[:, None] - steps], axis=1
+        )  # behind the moment, and in front of it
+        told = np.sum(sides * np.stack([solved, whole - solved], axis=1), axis=-1)
+        pull = sides @ self.pulled
+        gain = _gain(told, pull)
+        in_all = _gain(np.sum(directions * whole[:, 0], axis=1), directions @ self.pulled)
+        found = []
+        for k, best in enumerate(np.argmax(gain.reshape(len(gain), -1), axis=1).tolist()):
+            side, moment = divmod(best, len(moments))
+            found.append(
+                _Best(
+                    log_evidence=self.bare + float(gain[k, side, moment]),
+                    whole=self.bare + float(in_all[k]),
+                    moment=moments[moment],
+                    sets_in=side == 0,
+                    times=float(pull[k, side, moment] / (1.0 + told[k, side, moment])),
+                )
+            )
+        return found
+
+    def value_beside(self, effect: str, step: Array) -> float:
+        """The value of one of the fit's effects where readings are moved by a ``step`` (M,) as well."""
+        term = self.fit.term(effect)
+        pulled = self.pulled - self.whitener.solve(step)
+        return term.value + term.head.prior**2 * float(term.slope @ pulled)
+
+
+def _gain(told: Array, pull: Array) -> Array:
+    """Log evidence gained by directions of one sigma, from their products with themselves and with what is left."""
+    return np.asarray(0.5 * (pull**2 / (1.0 + told) - np.log1p(told)))
+
+
+def find_onset(
+    refinery: Refinery, fits: Iterable[tuple[Fit, Covariance]], leftovers: Leftovers
+) -> Onset | None:
+    """The cause that sets in or goes away, where one is decisively likelier than all that is there all the time.
+
+    Beside each of the ``fits``, in its covariance with the noise that replicates tell.
+    """
+    o = refinery.observations
+    if len(moments := _moments(o)) < 1:
+        return None
+    tried = [moments[k] for k in np.unique(np.linspace(0, len(moments) - 1, _MOMENTS).round().astype(int))]
+    time_s = np.asarray(o.points.time_s)[o.row]
+    effects = refinery.known.effects
+    slopes = np.stack([s.slope * s.entry.headline.prior for s in effects])
+    beside = [_Beside.of(refinery, fit, covariance) for fit, covariance in fits]
+    decisive = _DECISIVE + math.log(2.0 * len(moments) * len(effects))
+    least = max(each.without_a_step(leftovers) for each in beside) + decisive
+    steps = [(each, each.best_steps(slopes, time_s, tried)) for each in beside]
+    here, best = max(steps, key=lambda pair: max(step.log_evidence for step in pair[1]))
+    if max(step.log_evidence for step in best) < least:
+        return None
+    order = sorted(range(len(effects)), key=lambda k: -best[k].log_evidence)[:_SIMULATED]
+    found = _simulated(refinery, here, [(effects[k], best[k]) for k in order], moments)
+    step, onset = max(found, key=lambda pair: pair[0].log_evidence)
+    return onset if step.log_evidence >= max(least, step.whole + decisive) else None
+
+
+def _simulated(
+    refinery: Refinery, here: _Beside, chosen: Sequence[tuple[Signature, _Best]], moments: Sequence[_Moment]
+) -> list[tuple[_Best, Onset]]:
+    """Each of the chosen at the value that its line has, simulated, at the best of all moments; twice."""
+    o, fit = refinery.observations, here.fit
+    time_s, none = np.asarray(o.points.time_s)[o.row], np.zeros(len(refinery.known.modes.spreads))
+    base = refinery.model(fit, none)
+    signatures = [signature for signature, _ in chosen]
+    off = [fit.term(s.effect).value if s.effect in fit.effects else s.entry.headline.off for s in signatures]
+    known = [s.effect in fit.effects for s in signatures]
+    bests, steps = [b for _, b in chosen], [s.entry.headline.prior for s in signatures]
+    for _ in range(_TWICE):
+        heads = [s.entry.headline for s in signatures]
+        bests = [b.forward() if own else b for own, b in zip(known, bests, strict=True)]
+        values = [
+            float(np.clip(at + b.times * step, h.lower, h.upper))
+            for at, b, step, h in zip(off, bests, steps, heads, strict=True)
+        ]
+        models = [base.with_effect(s.effect, **s.values(v)) for s, v in zip(signatures, values, strict=True)]
+        (plain, _), *moved = o.solved([base, *models], refinery.near)
+        directions = np.nan_to_num(np.stack([there - plain for there, _ in moved]))
+        bests = here.best_steps(directions, time_s, moments)
+        steps = [value - at for value, at in zip(values, off, strict=True)]
+    found = []
+    for s, own, at, value, best, direction in zip(
+        signatures, known, off, values, bests, directions, strict=True
+    ):
+        b = best.forward() if own else best
+        head, there = s.entry.headline, direction * ((time_s >= b.moment.at_s) == b.sets_in)
+        aside = here.value_beside(s.effect, b.times * there) if own else at
+        onset = Onset(
+            effect=s.effect, parameter=head.name, unit=head.unit, value=aside + value - at, aside=aside,
+            at_s=b.moment.at_s, before=b.moment.before, row=b.moment.row, sets_in=b.sets_in, direction=there,
+        )  # fmt: skip
+        found.append((b, onset))
+    return found

@@ -1,0 +1,93 @@
+"""A cause that is there for a part of the time: which, how large, and between which rows; what is always there is none.
+
+A campaign in which something happens is put together from two of the virtual lab's, of the same seed and schedule.
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drivers.mocks.lab.laboratory import Laboratory
+from drivers.mocks.lab.survey import schedule, survey
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.onset import Onset, is_onset
+from tests.models.diagnosis.virtual_campaign import set_points
+
+SEED = 171
+
+
+def lab(**hidden: float) -> pd.DataFrame:
+    return survey(Laboratory.draw(seed=SEED, hidden=hidden), schedule(*set_points(60, seed=SEED)), seed=SEED)
+
+
+def changed(before: pd.DataFrame, after: pd.DataFrame, share: float) -> tuple[pd.DataFrame, float]:
+    """The first campaign up to a share of its time, then the second one; and when that is."""
+    at_s = float(before["time_s"].quantile(share))
+    first, then = before[before["time_s"] < at_s], after[after["time_s"] >= at_s]
+    return pd.concat([first, then], ignore_index=True), float(then["time_s"].min())
+
+
+def seen(frame: pd.DataFrame) -> Diagnosis:
+    return diagnose(load_measurements(frame))
+
+
+def onset_of(found: Diagnosis) -> tuple[Onset, float]:
+    """What is not there all the time, and the value that it has while it is."""
+    assert found.unexplained is not None
+    onset = found.unexplained.onset
+    assert onset is not None
+    return onset, onset.at(found.unexplained.shift)
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "share"),
+    [
+        ("link_resistance", 0.08, 0.6),
+        ("fan_step", 3.0, 0.4),
+        ("leakage_inductance", 0.1, 0.5),
+        ("duty_offset", 0.006, 0.5),
+    ],
+)
+def test_what_sets_in_is_told_with_its_size_and_its_moment(effect: str, size: float, share: float) -> None:
+    frame, at_s = changed(lab(), lab(**{effect: size}), share)
+    found = seen(frame)
+    assert (found.verdict.kind, found.verdict.stated) == ("unknown", ())
+    onset, value = onset_of(found)
+    assert (onset.effect, onset.sets_in, onset.at_s) == (effect, True, at_s)
+    assert value - onset.aside == pytest.approx(
+        size, rel=0.2
+    )  # the lab's own laws, and a few rows of each side
+    told = found.as_plain(ahead=False)["unknown"]["onset"]
+    before, row = told["between_rows"]
+    times_s = frame["time_s"].to_numpy()
+    assert times_s[row - 1] == at_s > times_s[before - 1]  # data rows count from one
+
+
+def test_what_goes_away_is_told_as_such() -> None:
+    frame, at_s = changed(lab(link_resistance=0.08), lab(), 0.5)
+    onset, value = onset_of(seen(frame))
+    assert (onset.effect, onset.sets_in, onset.at_s) == ("link_resistance", False, at_s)
+    assert value - onset.aside == pytest.approx(0.08, rel=0.2)
+
+
+@pytest.mark.parametrize("hidden", [{}, {"link_resistance": 0.08}, {"leakage_inductance": 0.1}])
+def test_what_is_always_there_does_not_set_in(hidden: dict[str, float]) -> None:
+    found = seen(lab(**hidden))
+    assert found.unexplained is None or found.unexplained.onset is None
+    assert found.verdict.named == tuple(hidden)
+
+
+def test_without_time_nothing_sets_in() -> None:
+    frame, _ = changed(lab(), lab(link_resistance=0.08), 0.5)
+    found = seen(frame.drop(columns="time_s"))
+    assert found.unexplained is None or not is_onset(found.unexplained.location)
+
+
+def test_what_is_read_back_is_the_value_that_moves_readings_so() -> None:
+    direction = np.array([0.0, 0.0, 2.0, 4.0])
+    onset = Onset(
+        effect="link_resistance", parameter="resistance_Ohm", unit="Ohm", value=0.06, aside=0.02, at_s=60.0, before=1,
+        row=2, sets_in=True, direction=direction,
+    )  # fmt: skip
+    assert onset.at(0.5 * direction) == pytest.approx(0.04, rel=1e-12)  # rounding
