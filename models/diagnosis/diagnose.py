@@ -174,7 +174,7 @@ class Diagnosis:
         if u.sensor is not None:
             placed["sensor"] = u.sensor.as_plain()
         if u.onset is not None:
-            placed["onset"] = u.onset.as_plain(u.shift, self.measured_rows)
+            placed["onset"] = u.onset.as_plain(self.measured_rows)
             return placed
         if u.rms_W == 0.0:  # timing, the ac elements and other sensors move no watts
             return placed

@@ -65,21 +65,21 @@ class Onset:
         """A leftover's place, in words."""
         return _PLACE
 
-    def at(self, shift: Array) -> float:
-        """The parameter's value where a leftover of this place moves readings by a ``shift`` (M,)."""
+    def read(self, shift: Array) -> "Onset":
+        """The same at the value where it moves readings by a ``shift`` (M,)."""
         times = float(shift @ self.direction / (self.direction @ self.direction))
-        return self.aside + times * (self.value - self.aside)
+        value = self.aside + times * (self.value - self.aside)
+        return replace(self, value=value, direction=times * self.direction)
 
-    def as_plain(self, shift: Array, rows: Sequence[int]) -> dict[str, Any]:
+    def as_plain(self, rows: Sequence[int]) -> dict[str, Any]:
         """For the JSON answer; ``rows`` is which row of the table each of the frame was."""
-        value, entry = self.at(shift), CATALOGUE[self.effect]
         return {
             "effect": self.effect,
-            "parameter": {"name": self.parameter, "unit": self.unit, "value": value, "off": self.aside},
+            "parameter": {"name": self.parameter, "unit": self.unit, "value": self.value, "off": self.aside},
             "sets_in": self.sets_in,
             "time_s": self.at_s,
             "between_rows": [rows[self.before], rows[self.row]],
-            "check": entry.check_at(value),
+            "check": CATALOGUE[self.effect].check_at(self.value),
         }
 
 

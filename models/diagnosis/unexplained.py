@@ -41,7 +41,7 @@ class Unexplained:
     ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,), whose ``readings`` (n,) of the input power
     show it; ``size`` its length in sigmas of what the fit beside it leaves open, errors of its causes' laws included;
     ``probability`` that of any leftover. ``sensor`` is what is off where it is a sensor's error, ``onset`` the cause
-    where it is one that is not there all the time, and ``shift`` (M,) what it moves readings by.
+    where it is one that is not there all the time.
     """
 
     location: str
@@ -53,7 +53,6 @@ class Unexplained:
     watts: Array
     size: float
     probability: float
-    shift: Array
     sensor: SensorError | None = None
     onset: Onset | None = None
 
@@ -93,8 +92,7 @@ def unexplained(
         watts=watts,
         size=float(np.sqrt(shift @ refinery.solve(best.fit, shift[None])[0])),
         probability=probability,
-        shift=shift,
-        onset=onset if is_onset(best.leftover.location) else None,
+        onset=onset.read(shift) if onset is not None and is_onset(best.leftover.location) else None,
         sensor=sensor_error(sensor_steps(observations, refinery.known), best.leftover.location, shift),
     )
 

@@ -32,12 +32,11 @@ def seen(frame: pd.DataFrame) -> Diagnosis:
     return diagnose(load_measurements(frame))
 
 
-def onset_of(found: Diagnosis) -> tuple[Onset, float]:
-    """What is not there all the time, and the value that it has while it is."""
+def onset_of(found: Diagnosis) -> Onset:
+    """What is not there all the time."""
     assert found.unexplained is not None
-    onset = found.unexplained.onset
-    assert onset is not None
-    return onset, onset.at(found.unexplained.shift)
+    assert found.unexplained.onset is not None
+    return found.unexplained.onset
 
 
 @pytest.mark.parametrize(
@@ -53,9 +52,9 @@ def test_what_sets_in_is_told_with_its_size_and_its_moment(effect: str, size: fl
     frame, at_s = changed(lab(), lab(**{effect: size}), share)
     found = seen(frame)
     assert (found.verdict.kind, found.verdict.stated) == ("unknown", ())
-    onset, value = onset_of(found)
+    onset = onset_of(found)
     assert (onset.effect, onset.sets_in, onset.at_s) == (effect, True, at_s)
-    assert value - onset.aside == pytest.approx(
+    assert onset.value - onset.aside == pytest.approx(
         size, rel=0.2
     )  # the lab's own laws, and a few rows of each side
     told = found.as_plain(ahead=False)["unknown"]["onset"]
@@ -66,9 +65,9 @@ def test_what_sets_in_is_told_with_its_size_and_its_moment(effect: str, size: fl
 
 def test_what_goes_away_is_told_as_such() -> None:
     frame, at_s = changed(lab(link_resistance=0.08), lab(), 0.5)
-    onset, value = onset_of(seen(frame))
+    onset = onset_of(seen(frame))
     assert (onset.effect, onset.sets_in, onset.at_s) == ("link_resistance", False, at_s)
-    assert value - onset.aside == pytest.approx(0.08, rel=0.2)
+    assert onset.value - onset.aside == pytest.approx(0.08, rel=0.2)
 
 
 @pytest.mark.parametrize("hidden", [{}, {"link_resistance": 0.08}, {"leakage_inductance": 0.1}])
@@ -90,4 +89,4 @@ def test_what_is_read_back_is_the_value_that_moves_readings_so() -> None:
         effect="link_resistance", parameter="resistance_Ohm", unit="Ohm", value=0.06, aside=0.02, at_s=60.0, before=1,
         row=2, sets_in=True, direction=direction,
     )  # fmt: skip
-    assert onset.at(0.5 * direction) == pytest.approx(0.04, rel=1e-12)  # rounding
+    assert onset.read(0.5 * direction).value == pytest.approx(0.04, rel=1e-12)  # rounding
