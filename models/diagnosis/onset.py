@@ -5,10 +5,10 @@ the simulation, behind it they are moved as a cause of the catalogue moves them.
 
 .. math:: s_e(\theta)\, [t \ge t_0] \quad \text{or} \quad s_e(\theta)\, [t < t_0]
 
-of any effect e at any moment, beside nothing and beside the explanation that leads. Causes that are always there pull
-the noise of every channel up to such a step, so it is looked for in the noise that replicates tell; where it is
-decisively likelier than all that is there all the time, and than any leftover, it becomes a rival among the leftovers,
-and all is weighed again.
+of any effect e at any moment, beside nothing and beside the explanation that leads. Noise that is fitted to what is
+left grows until such a step is within it, so it is looked for in the noise that replicates tell. Where it is decisively
+likelier than all that is there all the time, and than any leftover, it becomes a rival among the leftovers, and all is
+weighed again. Efficiency alone is not asked: what sets in is no more there than a gain that wanders.
 """
 
 import math
@@ -206,10 +206,10 @@ def find_onset(
 ) -> Onset | None:
     """The cause that sets in or goes away, where one is decisively likelier than all that is there all the time.
 
-    Beside each of the ``fits``, in its covariance with the noise that replicates tell.
+    Beside each of the ``fits``, in its covariance with the noise that replicates tell. None with efficiency alone.
     """
     o = refinery.observations
-    if len(moments := _moments(o)) < 1:
+    if o.efficiency_alone or not (moments := _moments(o)):
         return None
     tried = [moments[k] for k in np.unique(np.linspace(0, len(moments) - 1, _MOMENTS).round().astype(int))]
     time_s = np.asarray(o.points.time_s)[o.row]

@@ -27,6 +27,7 @@ from models.diagnosis.agreement import Confirmed
 from models.diagnosis.conditions import Condition
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import CHANNELS
+from models.diagnosis.onset import Onset
 from models.diagnosis.race import NextMeasurement
 from models.diagnosis.sensors import SensorError
 from models.diagnosis.unexplained import Unexplained
@@ -186,22 +187,28 @@ def is_of(value: object, said: str) -> bool:
 
 
 @pytest.fixture(scope="module")
-def answers(folder: Path, full: Diagnosis) -> tuple[Plain, Plain]:
+def answers(folder: Path, full: Diagnosis) -> tuple[Plain, ...]:
     by_command = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
-    return by_command, full.as_plain("model.toml")
+    assert full.unexplained is not None
+    onset = Onset(
+        effect="link_resistance", parameter="resistance_Ohm", unit="Ohm", value=0.1, aside=0.0, at_s=60.0, before=0,
+        row=1, sets_in=True, direction=np.ones(2),
+    )  # fmt: skip
+    changed = replace(full, unexplained=replace(full.unexplained, sensor=None, onset=onset))
+    return by_command, full.as_plain("model.toml"), changed.as_plain("model.toml")
 
 
-def test_every_key_of_the_answer_is_on_the_page_and_no_other(answers: tuple[Plain, Plain]) -> None:
+def test_every_key_of_the_answer_is_on_the_page_and_no_other(answers: tuple[Plain, ...]) -> None:
     assert set(written(*answers)) == set(documented("diagnose --json"))
 
 
-def test_every_value_of_the_answer_is_of_the_type_that_the_page_says(answers: tuple[Plain, Plain]) -> None:
+def test_every_value_of_the_answer_is_of_the_type_that_the_page_says(answers: tuple[Plain, ...]) -> None:
     said = documented("diagnose --json")
     wrong = {p: v for p, values in written(*answers).items() for v in values if not is_of(v, said[p])}
     assert not wrong
 
 
-def test_what_of_the_answer_may_be_missing_is_what_the_page_says(answers: tuple[Plain, Plain]) -> None:
+def test_what_of_the_answer_may_be_missing_is_what_the_page_says(answers: tuple[Plain, ...]) -> None:
     top = [row for t in tables(PAGE) if t.heading == "The answer" for row in t.rows]
     by_command = {key for key, _, meaning in top if "by d2ea diagnose" in meaning}
     assert set(answers[0]) - set(answers[1]) == by_command

@@ -83,6 +83,13 @@ def test_without_time_nothing_sets_in() -> None:
     assert found.unexplained is None or not is_onset(found.unexplained.location)
 
 
+def test_in_efficiency_alone_nothing_sets_in() -> None:
+    frame, _ = changed(lab(), lab(link_resistance=0.08), 0.5)
+    columns = ["D1", "D2", "P1_W", "P2_W", "V1_V", "V2_V", "T_ambient_C", "kind", "time_s"]
+    found = seen(frame[columns])
+    assert found.unexplained is None or not is_onset(found.unexplained.location)
+
+
 def test_what_is_read_back_is_the_value_that_moves_readings_so() -> None:
     direction = np.array([0.0, 0.0, 2.0, 4.0])
     onset = Onset(
