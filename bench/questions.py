@@ -100,17 +100,17 @@ def _question_of_a_sensor(diagnosis: Mapping[str, Any]) -> str:
 def _question_of_an_onset(diagnosis: Mapping[str, Any]) -> str:
     """What to do where a cause is not there all the time; empty where none is.
 
-    >>> onset = {"between_rows": [58, 59], "time_s": 10440.0, "check": "tighten the terminals"}
-    >>> _question_of_an_onset({"unknown": {"probability": 1.0, "onset": onset}})[:78]
-    'Find out what changed at 2 h 54 min (tighten the terminals), and diagnose what'
+    >>> onset = {"between_rows": [58, 59], "after_s": 10440.0, "check": "tighten the terminals"}
+    >>> _question_of_an_onset({"unknown": {"probability": 1.0, "onset": onset}})[:81]
+    'Find out what changed after 2 h 54 min (tighten the terminals), and diagnose what'
     """
     unknown = diagnosis.get("unknown") or {}
     if not (onset := unknown.get("onset")) or float(unknown["probability"]) < _LIKELY:
         return ""
     before, row = onset["between_rows"]
     return (
-        f"Find out what changed at {duration(onset['time_s'])} ({onset['check']}), and diagnose what was measured up "
-        f"to row {before} and from row {row} on each on its own: all rows together are of no single converter."
+        f"Find out what changed after {duration(onset['after_s'])} ({onset['check']}), and diagnose what was measured "
+        f"up to row {before} and from row {row} on each on its own: all rows together are of no single converter."
     )
 
 

@@ -75,8 +75,8 @@ def onset_text(diagnosis: Mapping[str, Any]) -> str:
 
     >>> resistance = {"name": "resistance_Ohm", "value": 0.0606, "off": 0.0}
     >>> onset = {"effect": "link_resistance", "parameter": resistance, "sets_in": True, "between_rows": [58, 59]}
-    >>> onset_text({"unknown": {"onset": onset | {"time_s": 10440.0}}})
-    'ac-link resistance sets in between rows 58 and 59, at 2 h 54 min (60.6 mΩ then, 0 Ω before)'
+    >>> onset_text({"unknown": {"onset": onset | {"after_s": 10440.0}}})
+    'ac-link resistance sets in between rows 58 and 59, after 2 h 54 min (60.6 mΩ then, 0 Ω before)'
     """
     onset = (diagnosis.get("unknown") or {}).get("onset")
     if not onset:
@@ -86,7 +86,7 @@ def onset_text(diagnosis: Mapping[str, Any]) -> str:
     then, earlier = (there, aside) if onset["sets_in"] else (aside, there)
     does = "sets in" if onset["sets_in"] else "goes away"
     return (
-        f"{effect_name(onset['effect'])} {does} between rows {before} and {row}, at {duration(onset['time_s'])} "
+        f"{effect_name(onset['effect'])} {does} between rows {before} and {row}, after {duration(onset['after_s'])} "
         f"({then} then, {earlier} before)"
     )
 
@@ -178,10 +178,10 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> beside = {"verdict": "unknown", "unknown": {"probability": 1.0, "sensor": current}}
     >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
     'Dead time explains a part of the gap; a sensor is off: rms link current reads 2.91 % high'
-    >>> loose = {"effect": "link_resistance", "sets_in": True, "between_rows": [58, 59], "time_s": 10440.0}
+    >>> loose = {"effect": "link_resistance", "sets_in": True, "between_rows": [58, 59], "after_s": 10440.0}
     >>> loose["parameter"] = {"name": "resistance_Ohm", "value": 0.0606, "off": 0.0}
     >>> verdict_text({"verdict": "unknown", "unknown": {"probability": 1.0, "onset": loose}})
-    'Ac-link resistance sets in between rows 58 and 59, at 2 h 54 min (60.6 mΩ then, 0 Ω before)'
+    'Ac-link resistance sets in between rows 58 and 59, after 2 h 54 min (60.6 mΩ then, 0 Ω before)'
     >>> strained = {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
     >>> verdict_text(strained | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
     'Something is wrong that efficiency alone does not tell; dead time would need loss laws that are off as well'
@@ -196,8 +196,8 @@ def _of_names(diagnosis: Mapping[str, Any]) -> str:
     named, groups = diagnosis.get("named") or (), diagnosis.get("groups") or ()
     tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups)
     leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
-    what = "a sensor that is off" if sensor_text(diagnosis) else "something unknown"
-    what = onset_text(diagnosis) or what
+    sensor, onset = sensor_text(diagnosis), onset_text(diagnosis)
+    what = "a sensor that is off" if sensor else "a change on the way" if onset else "something unknown"
     unknown = f"{what} ({probability_text(leftover)})" if leftover >= _SUSPECTED else ""
     if not (named or groups):
         return VERDICTS[str(diagnosis["verdict"])]

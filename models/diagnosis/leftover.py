@@ -6,7 +6,7 @@ there would be; temperatures follow by amounts of their own. It is written as :m
 at the measured set points. Some losses change faster than that, but go by one quantity alone: the heatsink's measured
 temperature (a contact, a leakage current), or the power (a controller that changes its ways). Which location and how
 many watts it has is not known, so every configuration is a rival of its own, and beside them a sensor that is off
-(:mod:`models.diagnosis.sensors`).
+(:mod:`models.diagnosis.sensors`), and a cause that is not there all the time (:mod:`models.diagnosis.onset`).
 """
 
 from collections.abc import Collection, Iterable
@@ -52,7 +52,7 @@ _LENGTH_OF_HEAT, _LENGTH_OF_POWER = 0.3, 0.08  # of the range of the one quantit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leftover:
-    """One configuration: where, how much (one sigma, in W, or in steps of a sensor), and its columns in the basis."""
+    """One configuration: where, how much (one sigma, in W, or in times of one column), and its columns in the basis."""
 
     location: str
     amplitude: float

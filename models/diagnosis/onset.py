@@ -37,16 +37,16 @@ _MOMENTS = 8  # that every effect is tried at: the next one is a sixteenth of th
 _SIMULATED = 3  # effects that are simulated at their values
 _TWICE = 2  # times: what is far from a line
 _DECISIVE = 10.0  # in log evidence, beyond the odds of so many tries
-_PLACE = "part of the time"  # a leftover's place
+PLACE = "part of the time"  # a leftover's place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Onset:
     """A cause that is there on one side of a moment only, and the ``direction`` (M,) in which it moves readings there.
 
-    Its first parameter is ``value`` in ``unit`` there, ``aside`` on the other side. ``at_s`` is the time of the first
-    row (``row``, of the frame) behind the moment, ``before`` the row in front of it; it ``sets_in`` there, or goes
-    away.
+    Its first parameter is ``value`` in ``unit`` there, ``aside`` on the other side. ``row`` (of the frame) is the first
+    one behind the moment, ``after_s`` when that was measured, from the first of all rows on, ``before`` the row in
+    front of it; it ``sets_in`` there, or goes away.
     """
 
     effect: str
@@ -54,16 +54,11 @@ class Onset:
     unit: str
     value: float
     aside: float
-    at_s: float
+    after_s: float
     before: int
     row: int
     sets_in: bool
     direction: Array
-
-    @property
-    def place(self) -> str:
-        """A leftover's place, in words."""
-        return _PLACE
 
     def read(self, shift: Array) -> "Onset":
         """The same at the value where it moves readings by a ``shift`` (M,)."""
@@ -77,7 +72,7 @@ class Onset:
             "effect": self.effect,
             "parameter": {"name": self.parameter, "unit": self.unit, "value": self.value, "off": self.aside},
             "sets_in": self.sets_in,
-            "time_s": self.at_s,
+            "after_s": self.after_s,
             "between_rows": [rows[self.before], rows[self.row]],
             "check": CATALOGUE[self.effect].check_at(self.value),
         }
@@ -85,26 +80,32 @@ class Onset:
 
 def is_onset(location: str) -> bool:
     """Whether a leftover's place is a cause that is not there all the time."""
-    return location == _PLACE
+    return location == PLACE
 
 
 @dataclass(frozen=True, slots=True)
 class _Moment:
-    """A moment between two rows (of the frame) that follow each other in time."""
+    """A moment between two rows (of the frame) that follow each other in time, ``after_s`` of the campaign's first."""
 
     at_s: float
+    after_s: float
     before: int
     row: int
 
 
 def _moments(observations: Observations) -> list[_Moment]:
     """All between rows with readings, with enough rows on either side; none where no time was noted."""
-    rows = np.unique(observations.row)
-    time_s = np.asarray(observations.points.time_s)[rows]
+    rows, every_s = np.unique(observations.row), np.asarray(observations.points.time_s)
+    time_s = every_s[rows]
     order = rows[np.argsort(time_s, kind="stable")]
     times_s = np.sort(time_s)
     return [
-        _Moment(at_s=float(times_s[k]), before=int(order[k - 1]), row=int(order[k]))
+        _Moment(
+            at_s=float(times_s[k]),
+            after_s=float(times_s[k] - np.min(every_s)),
+            before=int(order[k - 1]),
+            row=int(order[k]),
+        )
         for k in range(_LEAST_ROWS, rows.size - _LEAST_ROWS + 1)
         if times_s[k] > times_s[k - 1]
     ]
@@ -168,9 +169,7 @@ class _Beside:
         steps = directions[:, None] * behind
         solved = self.whitener.solve(np.concatenate([directions, *steps]).T).T
         whole, solved = solved[: len(directions), None], solved[len(directions) :].reshape(steps.shape)
-        sides = np.stack(
-            [steps, directions[:, None] - steps], axis=1
-        )  # behind the moment, and in front of it
+        sides = np.stack([steps, directions[:, None] - steps], axis=1)  # behind the moment, in front of it
         told = np.sum(sides * np.stack([solved, whole - solved], axis=1), axis=-1)
         pull = sides @ self.pulled
         gain = _gain(told, pull)
@@ -223,44 +222,70 @@ def find_onset(
     if max(step.log_evidence for step in best) < least:
         return None
     order = sorted(range(len(effects)), key=lambda k: -best[k].log_evidence)[:_SIMULATED]
-    found = _simulated(refinery, here, [(effects[k], best[k]) for k in order], moments)
-    step, onset = max(found, key=lambda pair: pair[0].log_evidence)
-    return onset if step.log_evidence >= max(least, step.whole + decisive) else None
+    found = [_Tried.on_its_line(here, effects[k], best[k]) for k in order]
+    for _ in range(_TWICE):
+        found = _simulated(refinery, here, found, moments)
+    first = max(found, key=lambda each: each.best.log_evidence)
+    is_decisive = first.best.log_evidence >= max(least, first.best.whole + decisive)
+    return first.onset(here, time_s) if is_decisive else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Tried:
+    """An effect at a ``value`` on one side of a moment, at another ``aside``, and the ``best`` step of that size.
+
+    ``direction`` (M,) is what the value moves all rows by; ``is_known``, where the fit beside it has the effect too.
+    """
+
+    signature: Signature
+    aside: float
+    value: float
+    is_known: bool
+    best: _Best
+    direction: Array
+
+    @classmethod
+    def on_its_line(cls, here: _Beside, signature: Signature, best: _Best) -> "_Tried":
+        """An effect at the end of one sigma of its prior, along its slope."""
+        head, is_known = signature.entry.headline, signature.effect in here.fit.effects
+        aside = here.fit.term(signature.effect).value if is_known else head.off
+        return cls(
+            signature=signature, aside=aside, value=aside + head.prior, is_known=is_known,
+            best=best.forward() if is_known else best, direction=signature.slope * head.prior,
+        )  # fmt: skip
+
+    def moved(self) -> "_Tried":
+        """At the value that its best step says, inside the bounds."""
+        head = self.signature.entry.headline
+        value = self.aside + self.best.times * (self.value - self.aside)
+        return replace(self, value=float(np.clip(value, head.lower, head.upper)))
+
+    def seen(self, direction: Array, best: _Best) -> "_Tried":
+        """With what the simulator says that its value does."""
+        return replace(self, direction=direction, best=best.forward() if self.is_known else best)
+
+    def onset(self, here: _Beside, time_s: Array) -> Onset:
+        """All of it, at the times of readings (M,); what the fit beside it has of the effect is fitted again."""
+        head, moment = self.signature.entry.headline, self.best.moment
+        there = self.direction * ((time_s >= moment.at_s) == self.best.sets_in)
+        aside = self.aside
+        if self.is_known:
+            aside = here.value_beside(self.signature.effect, self.best.times * there)
+        return Onset(
+            effect=self.signature.effect, parameter=head.name, unit=head.unit, value=aside + self.value - self.aside,
+            aside=aside, after_s=moment.after_s, before=moment.before, row=moment.row, sets_in=self.best.sets_in,
+            direction=there,
+        )  # fmt: skip
 
 
 def _simulated(
-    refinery: Refinery, here: _Beside, chosen: Sequence[tuple[Signature, _Best]], moments: Sequence[_Moment]
-) -> list[tuple[_Best, Onset]]:
-    """Each of the chosen at the value that its line has, simulated, at the best of all moments; twice."""
-    o, fit = refinery.observations, here.fit
-    time_s, none = np.asarray(o.points.time_s)[o.row], np.zeros(len(refinery.known.modes.spreads))
-    base = refinery.model(fit, none)
-    signatures = [signature for signature, _ in chosen]
-    off = [fit.term(s.effect).value if s.effect in fit.effects else s.entry.headline.off for s in signatures]
-    known = [s.effect in fit.effects for s in signatures]
-    bests, steps = [b for _, b in chosen], [s.entry.headline.prior for s in signatures]
-    for _ in range(_TWICE):
-        heads = [s.entry.headline for s in signatures]
-        bests = [b.forward() if own else b for own, b in zip(known, bests, strict=True)]
-        values = [
-            float(np.clip(at + b.times * step, h.lower, h.upper))
-            for at, b, step, h in zip(off, bests, steps, heads, strict=True)
-        ]
-        models = [base.with_effect(s.effect, **s.values(v)) for s, v in zip(signatures, values, strict=True)]
-        (plain, _), *moved = o.solved([base, *models], refinery.near)
-        directions = np.nan_to_num(np.stack([there - plain for there, _ in moved]))
-        bests = here.best_steps(directions, time_s, moments)
-        steps = [value - at for value, at in zip(values, off, strict=True)]
-    found = []
-    for s, own, at, value, best, direction in zip(
-        signatures, known, off, values, bests, directions, strict=True
-    ):
-        b = best.forward() if own else best
-        head, there = s.entry.headline, direction * ((time_s >= b.moment.at_s) == b.sets_in)
-        aside = here.value_beside(s.effect, b.times * there) if own else at
-        onset = Onset(
-            effect=s.effect, parameter=head.name, unit=head.unit, value=aside + value - at, aside=aside,
-            at_s=b.moment.at_s, before=b.moment.before, row=b.moment.row, sets_in=b.sets_in, direction=there,
-        )  # fmt: skip
-        found.append((b, onset))
-    return found
+    refinery: Refinery, here: _Beside, tried: Sequence[_Tried], moments: Sequence[_Moment]
+) -> list[_Tried]:
+    """Each at the value that its step so far says, simulated, at the best of all moments."""
+    o, moved = refinery.observations, [each.moved() for each in tried]
+    base = refinery.model(here.fit, np.zeros(len(refinery.known.modes.spreads)))
+    models = [base.with_effect(t.signature.effect, **t.signature.values(t.value)) for t in moved]
+    (plain, _), *solved = o.solved([base, *models], refinery.near)
+    directions = np.nan_to_num(np.stack([there - plain for there, _ in solved]))
+    bests = here.best_steps(directions, np.asarray(o.points.time_s)[o.row], moments)
+    return [t.seen(direction, best) for t, direction, best in zip(moved, directions, bests, strict=True)]

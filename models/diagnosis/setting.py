@@ -24,7 +24,7 @@ from models.diagnosis.noise import (
     without_widening,
 )
 from models.diagnosis.observations import Observations
-from models.diagnosis.onset import AMPLITUDE, Onset
+from models.diagnosis.onset import AMPLITUDE, PLACE, Onset
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import on_tangents
 from models.diagnosis.sensors import sensor_steps
@@ -102,7 +102,7 @@ class FirstSight:
 
     def asking(self, onset: Onset) -> "FirstSight":
         """The same with a cause that is not there all the time among the leftovers."""
-        rivals = self.bench.rivals.and_also(onset.place, onset.direction, AMPLITUDE)
+        rivals = self.bench.rivals.and_also(PLACE, onset.direction, AMPLITUDE)
         bench = replace(self.bench, rivals=rivals)
         return FirstSight(bench=bench, looked=bench.settled(bench.begun(self.looked.first), looks=1))
 

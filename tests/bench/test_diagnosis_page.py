@@ -214,6 +214,33 @@ def test_a_sensor_that_is_off_is_said_and_is_to_be_checked_first(page: Diagnosis
     assert "Cause named beside a sensor that is off" in beside
 
 
+def test_a_cause_that_sets_in_is_said_with_its_moment(page: DiagnosisPage, tmp_path: Path) -> None:
+    resistance = {"name": "resistance_Ohm", "unit": "Ohm", "value": 0.0606, "off": 0.0}
+    onset = {
+        "effect": "link_resistance", "parameter": resistance, "sets_in": True, "after_s": 10440.0,
+        "between_rows": [58, 59], "check": "tighten the terminals",
+    }  # fmt: skip
+    unknown = {"probability": 0.999, "location": "part of the time", "rms_W": 1.0, "onset": onset}
+    set_in = ANSWER | {"verdict": "unknown", "named": [], "causes": [], "unknown": unknown}
+    residuals = page.residuals.assign(leftover_W=1.0)
+    whole = written(replace(page, diagnosis=set_in, residuals=residuals), tmp_path)
+    text = " ".join(whole.replace("\N{NO-BREAK SPACE}", " ").split())
+    assert (
+        "Ac-link resistance sets in between rows 58 and 59, after 2 h 54 min (60.6 mΩ then, 0 Ω before)"
+        in text
+    )
+    assert "<li>Find out what changed after 2 h 54 min (tighten the terminals)" in text
+    assert "What is there for a part of the time" in text
+    assert "Make sure first that the model" not in text
+    gone = set_in | {"unknown": unknown | {"onset": onset | {"sets_in": False}}}
+    text = written(replace(page, diagnosis=gone, residuals=residuals), tmp_path)
+    assert "goes away between rows 58 and 59, after 2 h 54 min (0 Ω then, 60.6 mΩ before)" in text.replace(
+        "\N{NO-BREAK SPACE}", " "
+    )
+    beside = written(replace(page, diagnosis=ANSWER | {"unknown": unknown}), tmp_path)
+    assert "Cause named beside a change on the way" in beside
+
+
 def test_what_is_less_likely_than_nothing_is_said_all_the_same(page: DiagnosisPage, tmp_path: Path) -> None:
     open_ = {"verdict": "consistent", "unknown": {"probability": 0.0}, "consistent": {"probability": 0.56}}
     text = written(

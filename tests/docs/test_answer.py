@@ -191,7 +191,7 @@ def answers(folder: Path, full: Diagnosis) -> tuple[Plain, ...]:
     by_command = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
     assert full.unexplained is not None
     onset = Onset(
-        effect="link_resistance", parameter="resistance_Ohm", unit="Ohm", value=0.1, aside=0.0, at_s=60.0, before=0,
+        effect="link_resistance", parameter="resistance_Ohm", unit="Ohm", value=0.1, aside=0.0, after_s=60.0, before=0,
         row=1, sets_in=True, direction=np.ones(2),
     )  # fmt: skip
     changed = replace(full, unexplained=replace(full.unexplained, sensor=None, onset=onset))

@@ -4,23 +4,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drivers.mocks.lab.laboratory import Laboratory
-from drivers.mocks.lab.survey import schedule, survey
-from models.dataset import load_measurements
-from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.diagnose import Diagnosis
 from models.diagnosis.sensors import SensorError, sensor_error, sensor_steps
 from sim.model import Model
-from tests.models.diagnosis.virtual_campaign import set_points, simulated_campaign
+from tests.models.diagnosis.virtual_campaign import lab_table, seen, simulated_campaign
 
 SEED = 160
 
 
 def lab(**hidden: float) -> pd.DataFrame:
-    return survey(Laboratory.draw(seed=SEED, hidden=hidden), schedule(*set_points(60, seed=SEED)), seed=SEED)
-
-
-def seen(frame: pd.DataFrame) -> Diagnosis:
-    return diagnose(load_measurements(frame))
+    return lab_table(hidden, seed=SEED)
 
 
 def sensor_of(found: Diagnosis) -> SensorError:

@@ -10,6 +10,7 @@ from scipy.stats import qmc
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
 from models.dataset import Measurements, load_measurements
+from models.diagnosis.diagnose import Diagnosis, diagnose
 from sim.model import Model
 from sim.simulate import Points, simulate
 
@@ -29,10 +30,20 @@ def set_points(count: int, seed: int) -> tuple[Array, Array, Array]:
     return D1[kept], D2[kept], power[kept]
 
 
-def lab_campaign(hidden: Mapping[str, float | None], *, seed: int, count: int = 60) -> Measurements:
+def lab_table(hidden: Mapping[str, float | None], *, seed: int, count: int = 60) -> pd.DataFrame:
     """What the instruments of a virtual lab show of a whole campaign, in random order."""
     lab = Laboratory.draw(seed=seed, hidden=hidden)
-    return load_measurements(survey(lab, schedule(*set_points(count, seed)), seed=seed))
+    return survey(lab, schedule(*set_points(count, seed)), seed=seed)
+
+
+def lab_campaign(hidden: Mapping[str, float | None], *, seed: int, count: int = 60) -> Measurements:
+    """The same, loaded."""
+    return load_measurements(lab_table(hidden, seed=seed, count=count))
+
+
+def seen(frame: pd.DataFrame) -> Diagnosis:
+    """What the diagnosis says of a table."""
+    return diagnose(load_measurements(frame))
 
 
 def simulated_campaign(model: Model, *, seed: int, count: int = 60, every_s: float = 180.0) -> pd.DataFrame:
