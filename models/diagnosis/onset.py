@@ -124,9 +124,9 @@ class _Best:
     sets_in: bool
     times: float
 
-    def forward(self) -> "_Best":
-        """The same of an effect that the fit beside it has, whose value is open: more of it on the other side."""
-        return replace(self, sets_in=not self.sets_in, times=-self.times) if self.times < 0.0 else self
+    def other_side(self) -> "_Best":
+        """The same of what the fit beside it has, whose value is open: the opposite on the other side."""
+        return replace(self, sets_in=not self.sets_in, times=-self.times)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,9 +250,16 @@ class _Tried:
         head, is_known = signature.entry.headline, signature.effect in here.fit.effects
         aside = here.fit.term(signature.effect).value if is_known else head.off
         return cls(
-            signature=signature, aside=aside, value=aside + head.prior, is_known=is_known,
-            best=best.forward() if is_known else best, direction=signature.slope * head.prior,
-        )  # fmt: skip
+            signature=signature, aside=aside, value=aside + head.prior, is_known=is_known, best=best,
+            direction=signature.slope * head.prior,
+        ).with_more_there()  # fmt: skip
+
+    def with_more_there(self) -> "_Tried":
+        """On the side where there is more of the effect: what sets in, where it can be told so, does not go away."""
+        further = (
+            self.best.times * (self.value - self.aside) * (self.aside - self.signature.entry.headline.off)
+        )
+        return replace(self, best=self.best.other_side()) if self.is_known and further < 0.0 else self
 
     def moved(self) -> "_Tried":
         """At the value that its best step says, inside the bounds."""
@@ -262,7 +269,7 @@ class _Tried:
 
     def seen(self, direction: Array, best: _Best) -> "_Tried":
         """With what the simulator says that its value does."""
-        return replace(self, direction=direction, best=best.forward() if self.is_known else best)
+        return replace(self, direction=direction, best=best).with_more_there()
 
     def onset(self, here: _Beside, time_s: Array) -> Onset:
         """All of it, at the times of readings (M,); what the fit beside it has of the effect is fitted again."""

@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.blind.trial import BlindTrial
+from experiments.onset_trials import happened, said
 from models.diagnosis.diagnose import Diagnosis
 from models.diagnosis.onset import Onset, is_onset
 from tests.models.diagnosis.virtual_campaign import lab_table, seen
@@ -17,13 +19,6 @@ OF_SIZE = 0.2  # the lab's laws are off by up to a tenth, and half of the rows t
 
 def lab(**hidden: float) -> pd.DataFrame:
     return lab_table(hidden, seed=SEED)
-
-
-def changed(before: pd.DataFrame, after: pd.DataFrame, share: float) -> tuple[pd.DataFrame, float]:
-    """The first campaign up to a share of its time, then the second one; and when that is."""
-    at_s = float(before["time_s"].quantile(share))
-    first, then = before[before["time_s"] < at_s], after[after["time_s"] >= at_s]
-    return pd.concat([first, then], ignore_index=True), float(then["time_s"].min())
 
 
 def onset_of(found: Diagnosis) -> Onset:
@@ -43,7 +38,7 @@ def onset_of(found: Diagnosis) -> Onset:
     ],
 )
 def test_what_sets_in_is_told_with_its_size_and_its_moment(effect: str, size: float, share: float) -> None:
-    frame, at_s = changed(lab(), lab(**{effect: size}), share)
+    frame, at_s = happened(lab(), lab(**{effect: size}), share)
     found = seen(frame)
     assert (found.verdict.kind, found.verdict.stated) == ("unknown", ())
     onset = onset_of(found)
@@ -51,15 +46,23 @@ def test_what_sets_in_is_told_with_its_size_and_its_moment(effect: str, size: fl
     assert onset.value - onset.aside == pytest.approx(size, rel=OF_SIZE)
     told = found.as_plain(ahead=False)["unknown"]["onset"]
     before, row = told["between_rows"]
-    times_s = frame["time_s"].to_numpy()
-    assert times_s[row - 1] == at_s > times_s[before - 1]  # data rows count from one
+    after_s = (frame["time_s"] - frame["time_s"].min()).to_numpy()
+    assert after_s[row - 1] == at_s > after_s[before - 1]  # data rows count from one
 
 
 def test_what_goes_away_is_told_as_such() -> None:
-    frame, at_s = changed(lab(link_resistance=0.08), lab(), 0.5)
+    frame, at_s = happened(lab(link_resistance=0.08), lab(), 0.5)
     onset = onset_of(seen(frame))
     assert (onset.effect, onset.sets_in, onset.after_s) == ("link_resistance", False, at_s)
     assert onset.value - onset.aside == pytest.approx(0.08, rel=OF_SIZE)
+
+
+def test_what_is_lower_than_designed_sets_in_too() -> None:
+    lower = BlindTrial(row="onset", seed=560_004, hidden=(("magnetizing_inductance", 0.0027),))
+    answer = said(lower)
+    assert answer.is_found
+    assert answer.is_dated
+    assert answer.always is None
 
 
 @pytest.mark.parametrize("hidden", [{}, {"link_resistance": 0.08}, {"leakage_inductance": 0.1}])
@@ -70,13 +73,13 @@ def test_what_is_always_there_does_not_set_in(hidden: dict[str, float]) -> None:
 
 
 def test_without_time_nothing_sets_in() -> None:
-    frame, _ = changed(lab(), lab(link_resistance=0.08), 0.5)
+    frame, _ = happened(lab(), lab(link_resistance=0.08), 0.5)
     found = seen(frame.drop(columns="time_s"))
     assert found.unexplained is None or not is_onset(found.unexplained.location)
 
 
 def test_in_efficiency_alone_nothing_sets_in() -> None:
-    frame, _ = changed(lab(), lab(link_resistance=0.08), 0.5)
+    frame, _ = happened(lab(), lab(link_resistance=0.08), 0.5)
     columns = ["D1", "D2", "P1_W", "P2_W", "V1_V", "V2_V", "T_ambient_C", "kind", "time_s"]
     found = seen(frame[columns])
     assert found.unexplained is None or not is_onset(found.unexplained.location)

@@ -1,0 +1,114 @@
+"""What the diagnosis says of a cause that sets in during a campaign: virtual labs in which something happens.
+
+Every effect that a lab can hide is hidden once, of a size that a lab draws, from some row on; and once more all the
+time, where nothing sets in. A campaign in which something happens is put together from two of the same lab, with
+nothing and with the effect. An effect may be too small to be seen in a part of the rows: that is not asked.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from drivers.mocks.lab.hidden import HIDDEN
+from experiments.blind.draws import log_uniform
+from experiments.blind.reach import hideable
+from experiments.blind.scoring import Share
+from experiments.blind.trial import BlindTrial, measured
+from experiments.harness.registry import Experiment
+from experiments.harness.result import Cell, Result, Table
+from experiments.harness.settings import Countdown, Settings
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.onset import Onset
+
+FIRST_SEED = 560_000
+NEXT_S = 2 * 180.0  # two rows
+_SHARES = (0.3, 0.7)  # of a campaign's time, after which the effect sets in
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Said:
+    """The answer to one lab: what was hidden, when it set in, and what is said of a part of the time, and of all."""
+
+    trial: BlindTrial
+    sets_in_s: float
+    verdict: str
+    onset: Onset | None
+    always: Onset | None
+
+    @property
+    def is_found(self) -> bool:
+        """Whether the effect is told to set in."""
+        return self.onset is not None and self.onset.sets_in and self.onset.effect in self.trial.names
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether that is at the row where it did, or two rows from it: a row may show nothing of an effect."""
+        return self.onset is not None and abs(self.onset.after_s - self.sets_in_s) <= NEXT_S
+
+
+def happened(before: pd.DataFrame, after: pd.DataFrame, share: float) -> tuple[pd.DataFrame, float]:
+    """The first table up to a share of its time, then the second one; and when that is, in s from the first row on."""
+    at_s = float(before["time_s"].quantile(share))
+    first, then = before[before["time_s"] < at_s], after[after["time_s"] >= at_s]
+    return pd.concat([first, then], ignore_index=True), float(then["time_s"].min() - before["time_s"].min())
+
+
+def said(trial: BlindTrial) -> Said:
+    """The answers to one lab's two campaigns."""
+    nothing, hidden = measured(BlindTrial(row=trial.row, seed=trial.seed)), measured(trial)
+    share = np.random.default_rng([trial.seed, 15]).uniform(*_SHARES)
+    table, sets_in_s = happened(nothing, hidden, share)
+    found = diagnose(load_measurements(table))
+    return Said(
+        trial=trial, sets_in_s=sets_in_s, verdict=found.verdict.kind, onset=_onset_of(found),
+        always=_onset_of(diagnose(load_measurements(hidden))),
+    )  # fmt: skip
+
+
+def _onset_of(found: Diagnosis) -> Onset | None:
+    return None if found.unexplained is None else found.unexplained.onset
+
+
+def run(settings: Settings) -> Result:
+    """One effect after the other."""
+    names = hideable()[: settings.thinned(len(hideable()))]
+    countdown, answers = Countdown(len(names), settings), list[Said]()
+    for seed, name in enumerate(names, start=FIRST_SEED):
+        value = log_uniform(HIDDEN[name].drawn, np.random.default_rng([seed, 14]))
+        answers.append(said(BlindTrial(row="onset", seed=seed, hidden=((name, value),))))
+        countdown.finished(f"{name} sets in")
+    told = [s for s in answers if s.onset is not None]
+    right = Share.of(s.is_found for s in told)
+    dated = Share.of(s.is_dated for s in told)
+    false = Share.of(s.always is not None for s in answers)
+    return Result(
+        virtual=True,
+        goals=(
+            right.goal("told to set in: the right effect", 95.0, at_least=True),
+            dated.goal("told to set in: no more than two rows away", 95.0, at_least=True),
+            false.goal("always there, but told to set in", 1.0, at_least=False),
+        ),
+        tables=(_effects(answers),),
+        notes=(
+            f"{len(told)} of {len(answers)} are told to set in; seeds {FIRST_SEED} to {FIRST_SEED + len(answers) - 1}",
+        ),
+    )
+
+
+def _effects(answers: list[Said]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for s in answers:
+        ((name, value),), onset = s.trial.hidden, s.onset
+        what: tuple[Cell, ...] = (None, None, None)
+        if onset is not None:
+            what = onset.effect, onset.value - onset.aside, onset.after_s
+        rows.append(
+            (f"{name} = {value:.3g}", s.trial.seed, s.sets_in_s, s.verdict, *what, s.is_found, s.is_dated)
+        )
+    columns = ("hidden", "seed", "sets in, s", "verdict", "told to set in", "by", "told, s", "found", "dated")
+    return Table(title="One effect that sets in, all channels", columns=columns, rows=tuple(rows))
+
+
+EXPERIMENT = Experiment(title="Causes that set in during a campaign", run=run, apart=True)
