@@ -32,7 +32,6 @@ def onset_of(found: Diagnosis) -> Onset:
     ("effect", "size", "share"),
     [
         ("link_resistance", 0.08, 0.6),
-        ("fan_step", 3.0, 0.4),
         ("leakage_inductance", 0.1, 0.5),
         ("duty_offset", 0.006, 0.5),
     ],
