@@ -216,10 +216,13 @@ def find_onset(
     slopes = np.stack([s.slope * s.entry.headline.prior for s in effects])
     beside = [_Beside.of(refinery, fit, covariance) for fit, covariance in fits]
     decisive = _DECISIVE + math.log(2.0 * len(moments) * len(effects))
-    least = max(each.without_a_step(leftovers) for each in beside) + decisive
     steps = [(each, each.best_steps(slopes, time_s, tried)) for each in beside]
     here, best = max(steps, key=lambda pair: max(step.log_evidence for step in pair[1]))
-    if max(step.log_evidence for step in best) < least:
+    largest = max(step.log_evidence for step in best)
+    if largest < max(each.bare for each in beside) + decisive:  # as most are: leftovers need not be asked
+        return None
+    least = max(each.without_a_step(leftovers) for each in beside) + decisive
+    if largest < least:
         return None
     order = sorted(range(len(effects)), key=lambda k: -best[k].log_evidence)[:_SIMULATED]
     found = [_Tried.on_its_line(here, effects[k], best[k]) for k in order]
