@@ -21,18 +21,19 @@ from sim.neighbours import unknowns_of
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
 from sim.side_by_side import dealt, side_by_side
-from sim.solution import Seed, Solution, refused, solve
+from sim.solution import Seed, Solution, lossless_peak_W, refused, solve
 from sim.stacking import pick, stack
 from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK
 
-__all__ = ["PARTS", "Points", "Result", "can_run", "each_can_run", "grid", "grid_of", "simulate", "simulate_each",
-           "simulate_many"]  # fmt: skip
+__all__ = ["PARTS", "Points", "Result", "can_run", "each_can_run", "grid", "grid_of", "lossless_most_W", "simulate",
+           "simulate_each", "simulate_many"]  # fmt: skip
 
 Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
 _WORTH_SHARING = 400  # rows in each process: to send them takes a tenth of what they take
 _SATURATING = 15  # others at the same points take as long as one variant that saturates
+_NARROWER = 2.0  # dead times: no pulse is made so much narrower
 _MANY = 4  # variants at once that pay for their response being learned
 
 
@@ -199,6 +200,15 @@ def each_can_run(models: Sequence[Model], points: Points) -> NDArray[np.bool_]:
             alone[tried] = carries(pick(converter, tried), moved.take(tried))
         runs[chosen] = alone.reshape(len(chosen), -1)
     return runs[slots]
+
+
+def lossless_most_W(model: Model, points: Points) -> Array:
+    """What N points carry at most without losses, pulses two dead times narrower, in W, (N,); 0 where none can run.
+
+    No state is solved for: it tells in no time how what models carry compares.
+    """
+    converter, at = model.altered_converter(), model.set_points(points)
+    return np.where(refused(converter, at) == "", lossless_peak_W(at, converter, -_NARROWER), 0.0)
 
 
 def _result(model: Model, points: Points, solution: Solution) -> Result:

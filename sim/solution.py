@@ -21,6 +21,7 @@ from sim.station import WarmStart, station_of
 
 Array = NDArray[np.float64]
 
+_WIDER = 2.0  # dead times: no pulse is made so much wider
 _SPARE = 0.12  # of the power: a variant that can carry so much less is refused nowhere by its start
 
 
@@ -118,16 +119,21 @@ class Solution:
         return Solution(reason=self.reason[chosen], values=values, seed=None, state=self.state[:, chosen])
 
 
-def _ceiling_W(points: Points, converter: Converter) -> Array:
-    """More than a point can carry: the lossless peak with both pulses widened by two dead times."""
+def lossless_peak_W(points: Points, converter: Converter, dead_times: float = 0.0) -> Array:
+    """The most in W, (N,), without losses and at full inductance, both pulses so many dead times wider."""
     scale_W = (
         points.V1_V * points.V2_V * converter.transformer.turns_ratio
-        * converter.half_period_s / (converter.inductor.inductance_H * converter.inductor.bands()[1][-1])
+        * converter.half_period_s / converter.inductor.inductance_H
     )  # fmt: skip
-    wider = 2 * converter.dead_share
-    D1, D2 = np.minimum(points.D1 + wider, 1.0), np.maximum(points.D2 - wider, 0.0)
+    wider = dead_times * converter.dead_share
+    D1, D2 = np.clip(points.D1 + wider, 0.0, 1.0), np.clip(points.D2 - wider, 0.0, 1.0)
     share, _ = power_share(hybrid_edges(0.5 - centre_offset(D1, D2), D1, D2))
     return np.asarray(scale_W * share)
+
+
+def _ceiling_W(points: Points, converter: Converter) -> Array:
+    """More than a point can carry: pulses widened by two dead times, and the least inductance of all currents."""
+    return lossless_peak_W(points, converter, _WIDER) / converter.inductor.bands()[1][-1]
 
 
 def solve(converter: Converter, points: Points, seed: Seed | None, *, learn: bool = False) -> Solution:

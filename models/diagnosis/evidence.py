@@ -3,14 +3,17 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.everyday import log_as_part, log_everyday, share_beyond
-from models.diagnosis.hypotheses import Fit, Term, WeighedBeside, weigh
+from models.diagnosis.hypotheses import Fit, Term, WeighedBeside, evidence_of, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery
+
+Array = NDArray[np.float64]
 
 P_LEFTOVER = 0.2
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
@@ -35,33 +38,101 @@ def probability_of(hypotheses: Iterable[Hypothesis]) -> float:
     return min(sum(h.probability for h in hypotheses), 1.0)
 
 
-def with_laws_as_read(refinery: Refinery, fits: Sequence[Fit]) -> Refinery:
-    """The refinery with causes' own laws doubted less, where the readings are likelier so.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BesideLeftovers:
+    """Fits of a refinery, each beside no leftover and every other: products (L, n, n) of its vectors, ln det (L,).
+
+    That is all that evidence asks of the readings; laws may be doubted otherwise afterwards.
+    """
+
+    refinery: Refinery
+    fits: list[Fit]
+    products: list[tuple[Array, Array]]
+
+    @classmethod
+    def of(cls, refinery: Refinery, fits: Iterable[Fit]) -> Self:
+        """Of these fits."""
+        fits, leftovers = list(fits), _with_none(refinery)
+        own = [fit.own(refinery.known) for fit in fits]
+        products = refinery.geometry.products_beside(refinery.seen(fits), own, leftovers)
+        return cls(refinery=refinery, fits=fits, products=products)
+
+    def among(self, chosen: Sequence[int]) -> Self:
+        """Some of the fits."""
+        return replace(self, fits=[self.fits[k] for k in chosen], products=[self.products[k] for k in chosen])
+
+    def doubting(self, share: float) -> Self:
+        """The same with causes' own laws doubted by a share of what is feared: their columns, the last, by as much."""
+        other, found = replace(self.refinery, laws=replace(self.refinery.laws, share=share)), []
+        for fit, (inner, log_det) in zip(self.fits, self.products, strict=True):
+            laws = zip(self.refinery.law(fit), other.law(fit), strict=True)
+            longer = [np.full(len(new.vectors), new.factor / old.factor) for old, new in laws]
+            scale = np.concatenate([np.ones(len(fit.terms) + 1), *longer])
+            found.append((inner * np.outer(scale, scale), log_det))
+        return replace(self, refinery=other, products=found)
+
+    def hypotheses(self) -> list[Hypothesis]:
+        """Fits without and with every leftover, the values beside a leftover fitted again, the most probable first.
+
+        Of each fit, what has no probability worth a word is left out, but for itself alone and beside its best
+        leftover.
+        """
+        refinery, fits, leftovers = self.refinery, self.fits, _with_none(self.refinery)
+        shares = [_log_share(leftover, refinery.geometry.leftovers.shared_by) for leftover in leftovers]
+        log, weighed = np.empty((len(fits), len(leftovers))), evidence_of(fits, self.products)
+        for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
+            log[k] = refinery.log_prior(fit)
+            log[k] += shares
+            log[k, 0] += beside.log_evidence[0]
+            log[k, 1:] += beside.promised[1:]
+        probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
+        counts = (probability > NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
+        counts[:, 0] = True  # without leftover
+        weighed = _of_their_own(refinery, fits, weighed, counts)
+        settled = [_settled(*each) for each in zip(fits, weighed, counts, strict=True)]
+        order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
+        return [
+            Hypothesis(fit=settled[k][c], leftover=leftovers[c], probability=float(probability[k, c]))
+            for k, c in order
+            if counts[k, c]
+        ]
+
+
+def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypothesis]:
+    """The hypotheses that fits make :class:`BesideLeftovers`."""
+    return BesideLeftovers.of(refinery, fits).hypotheses()
+
+
+def with_laws_as_read(beside: BesideLeftovers) -> BesideLeftovers:
+    """The same with causes' own laws doubted less, where the readings are likelier so.
 
     That is asked of all explanations that lead together. Where it takes a leftover, or a cause more, laws are not as
     good as that.
     """
-    order = sorted(fits, key=refinery.log_probability, reverse=True)
-    narrower = replace(refinery, laws=replace(refinery.laws, share=_NARROWER))
-    feared, tried = (weighed_with_leftovers(r, order[:_LEADING]) for r in (refinery, narrower))
-    better = log_total(tried, narrower) > log_total(feared, refinery)
+    fits, refinery = beside.fits, beside.refinery
+    leading = beside.among(
+        sorted(range(len(fits)), key=lambda k: -refinery.log_probability(fits[k]))[:_LEADING]
+    )
+    narrower = leading.doubting(_NARROWER)
+    feared, tried = (each.hypotheses() for each in (leading, narrower))
+    better = log_total(tried, narrower.refinery) > log_total(feared, refinery)
     as_simple = tried[0].leftover is None and len(tried[0].fit.terms) <= len(feared[0].fit.terms)
-    return narrower if better and as_simple else refinery
+    return beside.doubting(_NARROWER) if better and as_simple else beside
 
 
-def posterior(refinery: Refinery, fits: Sequence[Fit]) -> list[Hypothesis]:
+def posterior(beside: BesideLeftovers) -> list[Hypothesis]:
     """What a search has found, each with its probability, the most probable first.
 
     Where one needs parts further off than any ordinary bench has them, only what it is without them counts; and where
     one has causes that are no further off than parts are, only what it is beyond that.
     """
-    hypotheses = weighed_with_leftovers(refinery, fits)
+    refinery, hypotheses = beside.refinery, beside.hypotheses()
     worth = sum(h.probability > _WORTH_IT for h in hypotheses)  # they come first
     shares = [math.exp(log_everyday(refinery, h.fit, h.leftover)) for h in hypotheses[:worth]]
     counted = [h.probability * share for h, share in zip(hypotheses[:worth], shares, strict=True)]
     counted += [h.probability for h in hypotheses[worth:]]
     found = [replace(h, probability=p) for h, p in zip(hypotheses, counted, strict=True)]
-    found = _beyond_everyday(refinery, found, fits)
+    found = _beyond_everyday(refinery, found, beside.fits)
     total = sum(h.probability for h in found)
     if not total:  # as good as nothing explains the readings within the line
         return hypotheses
@@ -131,46 +202,16 @@ def _name(effects: Sequence[str], leftover: Leftover | None) -> tuple[object, ..
     return tuple(effects), None if leftover is None else leftover.key
 
 
-def weighed_with_leftovers(refinery: Refinery, fits: Iterable[Fit]) -> list[Hypothesis]:
-    """Fits without and with every leftover, the values beside a leftover fitted again.
-
-    Of each fit, what has no probability worth a word is left out, but for itself alone and beside its best leftover.
-    """
-    geometry = refinery.geometry
-    configurations = geometry.leftovers.configurations
-    fits, leftovers = list(fits), [None, *configurations]
-    shares = [_log_share(leftover, geometry.leftovers.shared_by) for leftover in leftovers]
-    own = [fit.own(refinery.known) for fit in fits]
-    log = np.empty((len(fits), len(leftovers)))
-    weighed = _of_their_own(
-        refinery, fits, weigh(fits, refinery.seen(fits), geometry, own, leftovers), leftovers
-    )
-    for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
-        log[k] = refinery.log_prior(fit)
-        log[k] += shares
-        log[k, 0] += beside.log_evidence[0]
-        log[k, 1:] += beside.promised[1:]
-    probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
-    counts = (probability > NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
-    counts[:, 0] = True  # without leftover
-    settled = [_settled(*each) for each in zip(fits, weighed, counts, strict=True)]
-    order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
-    return [
-        Hypothesis(fit=settled[k][c], leftover=leftovers[c], probability=float(probability[k, c]))
-        for k, c in order
-        if counts[k, c]
-    ]
-
-
 def _of_their_own(
     refinery: Refinery,
     fits: Sequence[Fit],
     weighed: Sequence[WeighedBeside],
-    leftovers: Sequence[Leftover | None],
+    counts: NDArray[np.bool_],
 ) -> list[WeighedBeside]:
     """The weighed fits, in which no cause beside a threshold is known better than its own signature tells it.
 
-    Rows that cross a threshold which nobody read tell where it is, not how far off the other cause is.
+    Rows that cross a threshold which nobody read tell where it is, not how far off the other cause is. It is asked
+    beside the leftovers that count for any of them, (F, L).
     """
     found = list(weighed)
     mixed = [k for k, fit in enumerate(fits) if len({t.signature.entry.threshold for t in fit.terms}) > 1]
@@ -179,11 +220,20 @@ def _of_their_own(
     straight = [
         replace(fits[k], terms=tuple(t.with_slope(t.signature.slope) for t in fits[k].terms)) for k in mixed
     ]
-    own = [fit.own(refinery.known) for fit in straight]
-    themselves = weigh(straight, refinery.seen(straight), refinery.geometry, own, leftovers)
-    for k, beside in zip(mixed, themselves, strict=True):
-        found[k] = replace(found[k], sigma=np.maximum(found[k].sigma, beside.sigma))
+    own, places = [fit.own(refinery.known) for fit in straight], np.flatnonzero(np.any(counts[mixed], axis=0))
+    leftovers = _with_none(refinery)
+    beside = [leftovers[c] for c in places.tolist()]
+    themselves = weigh(straight, refinery.seen(straight), refinery.geometry, own, beside)
+    for k, alone in zip(mixed, themselves, strict=True):
+        sigma = found[k].sigma.copy()
+        sigma[places] = np.maximum(sigma[places], alone.sigma)
+        found[k] = replace(found[k], sigma=sigma)
     return found
+
+
+def _with_none(refinery: Refinery) -> list[Leftover | None]:
+    """All that a fit is weighed beside: no leftover, and every one."""
+    return [None, *refinery.geometry.leftovers.configurations]
 
 
 def log_total(hypotheses: Sequence[Hypothesis], refinery: Refinery) -> float:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from models.diagnosis.agreement import Confirmed, confirmed
-from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
+from models.diagnosis.evidence import BesideLeftovers, Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.found import Begun, Found
 from models.diagnosis.gain import Readings, Worth
 from models.diagnosis.onset import Onset
@@ -43,8 +43,9 @@ class Judged:
 
         The ``onset`` is the one that was asked about.
         """
-        refinery = with_laws_as_read(found.setting.refinery, found.fits)
-        setting, hypotheses = replace(found.setting, refinery=refinery), posterior(refinery, found.fits)
+        beside = with_laws_as_read(BesideLeftovers.of(found.setting.refinery, found.fits))
+        refinery, hypotheses = beside.refinery, posterior(beside)
+        setting = replace(found.setting, refinery=refinery)
         nameless = unexplained(hypotheses, refinery, onset)
         alike = confirmed(setting, hypotheses[0])
         judged = partial(

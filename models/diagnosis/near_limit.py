@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from models.diagnosis.observations import Observations
 from sim.model import Model
 from sim.side_by_side import at_once
-from sim.simulate import Result, can_run
+from sim.simulate import Result, can_run, lossless_most_W
 from sim.spread import Spread
 
 Array = NDArray[np.float64]
 
 LINK_INDUCTANCE = "inductor.inductance_H"
 LEAST_SPARE = 0.03  # of the power: an inductance three sigma off still carries it
+_LOST = 0.05  # of the power: by so much more may what is lost at the most lower it, between models
 _SPARE = 0.12  # of the power: an inductance eight per cent off and everything else still carry it
 
 
@@ -36,6 +37,27 @@ def power_to_spare(observations: Observations, model: Model, least: float) -> ND
     used, place = np.unique(observations.row, return_inverse=True)
     p = observations.points.take(used)
     return can_run(model, replace(p, power_W=p.power_W * (1 + least)))[place]
+
+
+def still_to_spare(
+    observations: Observations, baseline: Model, model: Model, known: float
+) -> NDArray[np.bool_]:
+    """Readings (M,) of rows that a model leaves :data:`LEAST_SPARE`, where the baseline is known to leave more.
+
+    ``known`` is that, relative to the power. Rows whose lossless limit moves by less than lies between the two are not
+    simulated.
+    """
+    p = observations.points
+    with np.errstate(
+        invalid="ignore", divide="ignore"
+    ):  # a pulse narrower than two dead times carries nothing
+        moved = lossless_most_W(model, p) / lossless_most_W(baseline, p)
+    enough = moved * (1 + known) > (1 + LEAST_SPARE) * (1 + _LOST)
+    asked = ~enough[observations.row]
+    spare = np.ones(asked.size, dtype=bool)
+    if np.any(asked):
+        spare[asked] = power_to_spare(observations.take(asked), model, LEAST_SPARE)
+    return spare
 
 
 def first_looks(observations: Observations, baseline: Model) -> tuple[NDArray[np.bool_], Result]:

@@ -17,12 +17,11 @@ from models.diagnosis.heat_lag import History
 from models.diagnosis.held import held
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.near_limit import (
-    LEAST_SPARE,
     LINK_INDUCTANCE,
     answers_about,
     first_looks,
     margin,
-    power_to_spare,
+    still_to_spare,
 )
 from models.diagnosis.noise import HOLDS
 from models.diagnosis.observations import Observations
@@ -66,7 +65,7 @@ class Usable:
         if not fit.terms:
             return self
         o, model = self.observations, refinery.model(fit, refinery.spreads(fit))
-        spare, known = power_to_spare(o, model, LEAST_SPARE), self.known
+        spare, known = still_to_spare(o, refinery.baseline, model, self.margin), self.known
         if np.all(spare):
             return self
         if len(known.bends) and (link := _link_inductance(known, fit)) is not None:

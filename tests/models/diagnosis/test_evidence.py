@@ -7,7 +7,13 @@ import pytest
 from scipy.integrate import quad
 
 from models.diagnosis.everyday import log_as_part, share_beyond
-from models.diagnosis.evidence import Hypothesis, _beyond_everyday, posterior, weighed_with_leftovers
+from models.diagnosis.evidence import (
+    BesideLeftovers,
+    Hypothesis,
+    _beyond_everyday,
+    posterior,
+    weighed_with_leftovers,
+)
 from models.diagnosis.hypotheses import Fit, Term, log_prior
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import search
@@ -63,7 +69,7 @@ def above_nothing(bench: Refinery) -> float:
 
 
 def weighed(bench: Refinery) -> list[Hypothesis]:
-    return posterior(bench, search(bench))
+    return posterior(BesideLeftovers.of(bench, search(bench)))
 
 
 def stated(bench: Refinery) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.evidence import Hypothesis, posterior, with_laws_as_read
+from models.diagnosis.evidence import BesideLeftovers, Hypothesis, posterior, with_laws_as_read
 from models.diagnosis.extension import interval
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit
@@ -39,7 +39,7 @@ def bench(value: np.ndarray, law: float) -> Refinery:
 
 def named(value: np.ndarray, law: float) -> Fit:
     there = bench(value, law)
-    return next(h.fit for h in posterior(there, search(there)) if h.leftover is None)
+    return next(h.fit for h in posterior(BesideLeftovers.of(there, search(there))) if h.leftover is None)
 
 
 def test_a_law_wrong_in_shape_by_five_per_cent_brings_no_second_cause() -> None:
@@ -99,7 +99,7 @@ def test_what_is_left_is_pulled_under_the_same_covariance() -> None:
 
 def as_read(value: np.ndarray, law: float) -> Refinery:
     there = bench(value, law)
-    return with_laws_as_read(there, search(there))
+    return with_laws_as_read(BesideLeftovers.of(there, search(there))).refinery
 
 
 def test_a_law_that_readings_agree_with_is_doubted_less() -> None:
@@ -118,9 +118,9 @@ def test_a_law_that_is_as_wrong_as_feared_is_doubted_as_ever() -> None:
 def test_where_something_is_left_over_no_law_is_doubted_less() -> None:
     strange = 3.0 * np.sign(np.sin(7.0 * np.arange(READINGS)))  # which only a leftover explains
     there = bench(0.1 * GROWING + strange, 0.05)
-    found = posterior(there, search(there))
+    found = posterior(BesideLeftovers.of(there, search(there)))
     assert sum(h.probability for h in found if h.leftover is not None) > 0.99
-    assert with_laws_as_read(there, search(there)) is there
+    assert with_laws_as_read(BesideLeftovers.of(there, search(there))).refinery is there
 
 
 @pytest.mark.parametrize(("then", "share"), [(1, 0.3), (2, 1.0)])
@@ -130,15 +130,15 @@ def test_where_it_takes_a_cause_more_no_law_is_doubted_less(
     there = bench(WRONG, 0.05)
     slopes = {"link_resistance": GROWING, "auxiliary_power": np.ones(READINGS)}
 
-    def made_up(r: Refinery, fits: list[Fit]) -> list[Hypothesis]:
+    def made_up(beside: BesideLeftovers) -> list[Hypothesis]:
         """Ten in log evidence better with laws doubted less, by so many causes then."""
-        less = r.laws.share < 1.0
+        less = beside.refinery.laws.share < 1.0
         fit = joint_fit(dict(list(slopes.items())[: then if less else 1]), 0.1 * GROWING)
         evidence = 10.0 if less else 0.0
         return [Hypothesis(fit=replace(fit, log_evidence=evidence), leftover=None, probability=1.0)]
 
-    monkeypatch.setattr("models.diagnosis.evidence.weighed_with_leftovers", made_up)
-    assert with_laws_as_read(there, []).laws.share == share
+    monkeypatch.setattr(BesideLeftovers, "hypotheses", made_up)
+    assert with_laws_as_read(BesideLeftovers.of(there, search(there))).refinery.laws.share == share
 
 
 def test_where_a_threshold_lies_is_doubted_as_ever() -> None:

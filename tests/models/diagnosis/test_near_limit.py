@@ -14,7 +14,14 @@ from models.diagnosis.diagnose import diagnose
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit, Term
 from models.diagnosis.left_out import not_usable
-from models.diagnosis.near_limit import LEAST_SPARE, answers_about, first_looks, margin, power_to_spare
+from models.diagnosis.near_limit import (
+    LEAST_SPARE,
+    answers_about,
+    first_looks,
+    margin,
+    power_to_spare,
+    still_to_spare,
+)
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.usable import LEAST_ROWS, Usable, usable_readings
@@ -22,6 +29,7 @@ from models.diagnosis.whitener import Whitener
 from sim.model import Model
 from sim.prototype import prototype
 from sim.simulate import can_run
+from sim.spread import shifted_together
 from tests.models.diagnosis.fabricated import white_leftovers
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
@@ -39,6 +47,11 @@ def everything() -> Observations:
 def alone() -> Observations:
     """The same of efficiency alone."""
     return observe(simulated_campaign(BASELINE, seed=1, count=40)[ALONE], prototype())
+
+
+@pytest.fixture(scope="module")
+def usable(everything: Observations) -> Usable:
+    return usable_of(everything)
 
 
 def usable_of(whole: Observations) -> Usable:
@@ -68,6 +81,19 @@ def test_where_efficiency_is_alone_readings_nearer_the_edge_take_part(
     assert margin(alone) < margin(everything)
     rows = [set(o.row[power_to_spare(o, BASELINE, margin(o))]) for o in (alone, everything)]
     assert rows[0] > rows[1]
+
+
+def test_rows_whose_limit_hardly_moves_are_the_same_without_a_simulation(usable: Usable) -> None:
+    """Whatever an effect does to losses and pulses, as far as it goes; parts off by two sigma beside it."""
+    o, modes, parts = usable.observations, usable.known.modes, np.random.default_rng(7)
+    entries = {s.effect: s.entry for s in usable.known.effects}
+    for name, entry in entries.items():
+        for value in (entry.headline.lower, entry.headline.upper):
+            spreads = zip(modes.spreads, parts.choice([-2.0, 2.0], len(modes)).tolist(), strict=True)
+            model = Model(converter=shifted_together(prototype(), spreads))
+            model = model.with_effect(name, **{entry.headline.name: value})
+            found = still_to_spare(o, BASELINE, model, usable.margin)
+            np.testing.assert_array_equal(found, power_to_spare(o, model, LEAST_SPARE), err_msg=name)
 
 
 def test_rows_without_power_have_it_to_spare() -> None:
@@ -197,7 +223,7 @@ def test_a_row_that_does_not_run_with_another_inductance_takes_no_part(
 def test_without_a_cause_nothing_changes(alone: Observations, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the parts' spreads would leave to spare."""
     usable = usable_of(alone)
-    monkeypatch.setattr(usable_rows, "power_to_spare", lambda o, *_: o.row != o.row[5])
+    monkeypatch.setattr(usable_rows, "still_to_spare", lambda o, *_: o.row != o.row[5])
     assert usable.as_explained(refinery_of(usable), Fit.nothing(usable.observations.value.size)) is usable
 
 
