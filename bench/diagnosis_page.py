@@ -14,7 +14,7 @@ from bench.html import environment
 from bench.questions import diagnosis_actions
 from bench.report import TEMPLATES, rows_left_out
 from bench.so_far import so_far_text
-from bench.verdict_wording import unexplained_text, verdict_text
+from bench.verdict_wording import stretch_texts, unexplained_text, verdict_text
 from bench.wording import (
     channel_name,
     counted,
@@ -27,6 +27,7 @@ from bench.wording import (
 )
 from sim.effects.catalogue import effect
 
+PAGE = "diagnosis.html"  # what it is called, in a folder of its own for each stretch of a campaign
 _KURTOSIS, _AUTOCORRELATION = 3.0, 0.3  # above which the noise is said to have tails, or a memory
 # What normal noise reaches of either at two sigma, times the root of the differences' number
 _BY_CHANCE = (20.0, 4.0)
@@ -55,6 +56,8 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
             headline=verdict_text(d),
             so_far=so_far_text(d),
             unexplained=unexplained_text(d),
+            stretches=stretch_texts(d),
+            of_a_stretch=PAGE,
             actions=diagnosis_actions(d),
             tiles=tiles(d),
             noise=noise_rows(d),

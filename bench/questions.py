@@ -103,14 +103,21 @@ def _question_of_an_onset(diagnosis: Mapping[str, Any]) -> str:
     >>> onset = {"between_rows": [58, 59], "after_s": 10440.0, "check": "tighten the terminals"}
     >>> _question_of_an_onset({"unknown": {"probability": 1.0, "onset": onset}})[:81]
     'Find out what changed after 2 h 54 min (tighten the terminals), and diagnose what'
+    >>> agree = {"name": "before", "rows": 58, "refused": None, "answer": {"verdict": "consistent"}}
+    >>> few = {"name": "after", "rows": 7, "refused": "7 usable rows", "answer": None}
+    >>> _question_of_an_onset({"unknown": {"probability": 1.0, "onset": onset | {"stretches": [agree, few]}}})[63:]
+    ' all rows together are of no single converter.'
     """
     unknown = diagnosis.get("unknown") or {}
     if not (onset := unknown.get("onset")) or float(unknown["probability"]) < _LIKELY:
         return ""
+    changed = f"Find out what changed after {duration(onset['after_s'])} ({onset['check']})"
+    if onset.get("stretches"):
+        return f"{changed}: all rows together are of no single converter."
     before, row = onset["between_rows"]
     return (
-        f"Find out what changed after {duration(onset['after_s'])} ({onset['check']}), and diagnose what was measured "
-        f"up to row {before} and from row {row} on each on its own: all rows together are of no single converter."
+        f"{changed}, and diagnose what was measured up to row {before} and from row {row} on each on its own: all rows "
+        "together are of no single converter."
     )
 
 

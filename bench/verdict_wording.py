@@ -1,17 +1,19 @@
 """The verdict of a diagnosis in words: its headline, what is suspected, and what no cause explains."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.wording import (
     SHOWN,
     channel_name,
+    counted,
     difference_unit,
     duration,
     effect_name,
     fixed,
     join,
     minus,
+    parameter_text,
     per_cent,
     probability_text,
     probable_causes,
@@ -89,6 +91,52 @@ def onset_text(diagnosis: Mapping[str, Any]) -> str:
         f"{effect_name(onset['effect'])} {does} between rows {before} and {row}, after {duration(onset['after_s'])} "
         f"({then} then, {earlier} before)"
     )
+
+
+class StretchText(NamedTuple):
+    """A stretch of a campaign in words: its name, the rows that it has, its own verdict, and whether it has one."""
+
+    name: str
+    rows: str
+    said: str
+    is_diagnosed: bool
+
+
+def stretch_texts(diagnosis: Mapping[str, Any]) -> list[StretchText]:
+    """What is said of the stretches before and after something changed on the way, each on its own.
+
+    >>> agree = {"name": "before", "rows": 58, "refused": None, "answer": {"verdict": "consistent"}}
+    >>> few = {"name": "after", "rows": 7, "refused": "7 usable rows", "answer": None}
+    >>> for each in stretch_texts({"unknown": {"onset": {"stretches": [agree, few]}}}):
+    ...     print(f"{each.rows}: {each.said}")
+    before the change, 58 rows: Simulation and measurement agree
+    after the change, 7 rows: not diagnosed, 7 usable rows
+    """
+    onset = (diagnosis.get("unknown") or {}).get("onset") or {}
+    return [
+        StretchText(
+            name=each["name"],
+            rows=f"{each['name']} the change, {counted(each['rows'], 'row')}",
+            said=_with_values(each["answer"]) if each["answer"] else f"not diagnosed, {each['refused']}",
+            is_diagnosed=each["answer"] is not None,
+        )
+        for each in onset.get("stretches") or ()
+    ]
+
+
+def _with_values(diagnosis: Mapping[str, Any]) -> str:
+    """The headline, with the values of what it states.
+
+    >>> error = {"name": "error_s", "unit": "s", "value": 8e-8, "ci95": [7e-8, 9e-8], "off": 0.0}
+    >>> dead_time = {"effect": "dead_time", "probability": 1.0, "parameters": [error]}
+    >>> _with_values({"verdict": "named", "named": ["dead_time"], "causes": [dead_time]})
+    'Cause named: dead time, error 80 ns (95 %: 70 to 90)'
+    """
+    stated = {*(diagnosis.get("named") or ()), *(n for group in diagnosis.get("groups") or () for n in group)}
+    values = [
+        parameter_text(c["parameters"][0]) for c in diagnosis.get("causes") or () if c["effect"] in stated
+    ]
+    return ", ".join([verdict_text(diagnosis), *values])
 
 
 def sensor_text(diagnosis: Mapping[str, Any]) -> str:

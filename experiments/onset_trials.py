@@ -2,7 +2,8 @@
 
 Every effect that a lab can hide is hidden once, of a size that a lab draws, from some row on; and once more all the
 time, where nothing sets in. A campaign in which something happens is put together from two of the same lab, with
-nothing and with the effect. An effect may be too small to be seen in a part of the rows: that is not asked.
+nothing and with the effect. An effect may be too small to be seen in a part of the rows: that is not asked. Where it is
+told to set in, the rows before and after are diagnosed each on their own.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from experiments.harness.settings import Countdown, Settings
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.onset import Onset
+from models.diagnosis.stretches import stretches
 
 FIRST_SEED = 560_000
 NEXT_S = 2 * 180.0  # two rows
@@ -29,18 +31,29 @@ _SHARES = (0.3, 0.7)  # of a campaign's time, after which the effect sets in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Said:
-    """The answer to one lab: what was hidden, when it set in, and what is said of a part of the time, and of all."""
+    """The answer to one lab: what was hidden, when it set in, and what is said of a part of the time, and of all.
+
+    ``before`` is the verdict of the rows before that alone, ``after`` that of those after it and what it states.
+    """
 
     trial: BlindTrial
     sets_in_s: float
     verdict: str
     onset: Onset | None
+    before: str | None
+    after: str | None
+    stated: tuple[str, ...]
     always: Onset | None
 
     @property
     def is_found(self) -> bool:
         """Whether the effect is told to set in."""
         return self.onset is not None and self.onset.sets_in and self.onset.effect in self.trial.names
+
+    @property
+    def is_told_apart(self) -> bool:
+        """Whether nothing is found before it, and after it the effect alone, or a group that it is in."""
+        return self.before == "consistent" and self.stated != () and self.trial.names[0] in self.stated
 
     @property
     def is_dated(self) -> bool:
@@ -61,10 +74,20 @@ def said(trial: BlindTrial) -> Said:
     share = np.random.default_rng([trial.seed, 15]).uniform(*_SHARES)
     table, sets_in_s = happened(nothing, hidden, share)
     found = diagnose(load_measurements(table))
+    before, after = [stretch.found for stretch in stretches(found, load_measurements(table), diagnose)] or (
+        None,
+        None,
+    )
     return Said(
-        trial=trial, sets_in_s=sets_in_s, verdict=found.verdict.kind, onset=_onset_of(found),
+        trial=trial,
+        sets_in_s=sets_in_s,
+        verdict=found.verdict.kind,
+        onset=_onset_of(found),
+        before=None if before is None else before.verdict.kind,
+        after=None if after is None else after.verdict.kind,
+        stated=() if after is None else after.verdict.stated,
         always=_onset_of(diagnose(load_measurements(hidden))),
-    )  # fmt: skip
+    )
 
 
 def _onset_of(found: Diagnosis) -> Onset | None:
@@ -82,12 +105,14 @@ def run(settings: Settings) -> Result:
     told = [s for s in answers if s.onset is not None]
     right = Share.of(s.is_found for s in told)
     dated = Share.of(s.is_dated for s in told)
+    apart = Share.of(s.is_told_apart for s in told)
     false = Share.of(s.always is not None for s in answers)
     return Result(
         virtual=True,
         goals=(
             right.goal("told to set in: the right effect", 95.0, at_least=True),
             dated.goal("told to set in: no more than two rows away", 95.0, at_least=True),
+            apart.goal("on their own: nothing before, the effect after", 90.0, at_least=True),
             false.goal("always there, but told to set in", 1.0, at_least=False),
         ),
         tables=(_effects(answers),),
@@ -104,10 +129,12 @@ def _effects(answers: list[Said]) -> Table:
         what: tuple[Cell, ...] = (None, None, None)
         if onset is not None:
             what = onset.effect, onset.value - onset.aside, onset.after_s
-        rows.append(
-            (f"{name} = {value:.3g}", s.trial.seed, s.sets_in_s, s.verdict, *what, s.is_found, s.is_dated)
-        )
-    columns = ("hidden", "seed", "sets in, s", "verdict", "told to set in", "by", "told, s", "found", "dated")
+        seen: tuple[Cell, ...] = s.trial.seed, s.sets_in_s, s.verdict, *what, s.is_found, s.is_dated
+        rows.append((f"{name} = {value:.3g}", *seen, s.before, s.after, s.is_told_apart))
+    columns = (
+        "hidden", "seed", "sets in, s", "verdict", "told to set in", "by", "told, s", "found", "dated",
+        "rows before", "rows after", "told apart",
+    )  # fmt: skip
     return Table(title="One effect that sets in, all channels", columns=columns, rows=tuple(rows))
 
 

@@ -133,7 +133,7 @@ def lossless_peak_W(points: Points, converter: Converter, dead_times: float = 0.
 
 def _ceiling_W(points: Points, converter: Converter) -> Array:
     """More than a point can carry: pulses widened by two dead times, and the least inductance of all currents."""
-    return lossless_peak_W(points, converter, _WIDER) / converter.inductor.bands()[1][-1]
+    return np.asarray(lossless_peak_W(points, converter, _WIDER) / converter.inductor.bands()[1][-1])
 
 
 def solve(converter: Converter, points: Points, seed: Seed | None, *, learn: bool = False) -> Solution:

@@ -1,8 +1,6 @@
 """The verb diagnose: what the simulation gets wrong, why, how sure, what to do."""
 
-import json
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,14 +13,13 @@ from bench.commands.measurements import read_measurements
 from bench.commands.options import Database, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.diagnosing import answer_of
-from bench.diagnosis_page import DiagnosisPage, write_diagnosis_page
+from bench.diagnosis_files import FILES, DiagnosisFiles
 from bench.errors import InputError
 from bench.imported import frequencies_by_import, left_out_text
-from bench.model_file import model_from, rests_on, write_model
+from bench.model_file import model_from
 from bench.questions import first_questions
 from bench.so_far import so_far_text
-from bench.table_file import write_table
-from bench.verdict_wording import unexplained_text, verdict_text
+from bench.verdict_wording import stretch_texts, unexplained_text, verdict_text
 from bench.whole_file import write_whole
 from bench.wording import (
     action_text,
@@ -43,6 +40,7 @@ from sim.parameters import ParameterError
 
 if TYPE_CHECKING:
     from bench.store import Row, Store
+    from models.diagnosis.diagnose import Diagnosis
 
 MOST_ROWS = 5000  # memory of a diagnosis rises with readings squared: some gigabytes here
 
@@ -72,6 +70,7 @@ def diagnose(
     """Name what the simulation gets wrong, with evidence; extend the model; measure the gain."""
     from models.diagnosis.diagnose import diagnose as find_cause  # here: scipy and the simulator load slowly
     from models.diagnosis.plausibility import ImplausibleTable
+    from models.diagnosis.stretches import stretches
     from models.diagnosis.usable import TooFewPoints
 
     check_folder(out_dir, "--out")
@@ -86,14 +85,15 @@ def diagnose(
     simulation = model_from(model)
     _check_frequency(where, _stated(table, campaign_id, db), simulation)
     stamp(virtual)
+
+    def progress(said: str) -> None:
+        err.print(escape(said))
+
+    def diagnosed(rows: Measurements) -> "Diagnosis":
+        return find_cause(rows, simulation, without=unknown, progress=progress, processes=processes)
+
     try:
-        found = find_cause(
-            table,
-            simulation,
-            without=unknown,
-            progress=lambda said: err.print(escape(said)),
-            processes=processes,
-        )
+        found = diagnosed(table)
     except TooFewPoints as error:
         asked = "measure more set points of D1, D2 and power"
         if table.rejected:
@@ -101,27 +101,22 @@ def diagnose(
         raise InputError.of(where, "rows", None, f"{error}; {asked}") from error
     except ImplausibleTable as error:
         raise InputError.of(where, "columns", None, str(error)) from error
-    plain = answer_of(found, table, _campaign(campaign_id, db), str(out_dir / "model.toml"))
-    write_model(out_dir / "model.toml", found.extended, rests_on(plain, table.frame, where))
-    text = json.dumps(plain, indent=1, allow_nan=False, default=float)
-    for path in {out_dir / "diagnosis.json", *([json_file] if json_file else [])}:
-        write_whole(path, text)
-    residuals = found.residual_table()
-    residuals.insert(0, "row", table.rows)
-    write_table(residuals, out_dir / "residuals.csv")
-    page = DiagnosisPage(
-        source=where,
-        virtual=virtual,
-        created=f"{datetime.now():%Y-%m-%d %H:%M}",
-        diagnosis=plain,
-        residuals=residuals,
-    )
-    write_diagnosis_page(out_dir / "diagnosis.html", page)
+    apart = stretches(found, table, diagnosed, progress)
+    plain = answer_of(found, table, _campaign(campaign_id, db), str(out_dir / FILES.model), apart)
+    files = DiagnosisFiles(found=found, table=table, answer=plain, source=where, virtual=virtual)
+    files.write(out_dir)
+    if json_file is not None:
+        write_whole(json_file, files.as_json)
     if campaign_id is not None:
         with _store(db) as store:
             store.add_diagnosis(plain, campaign_id=campaign_id)
     tell(plain)
-    out.print(escape(f"written to {out_dir}: diagnosis.html, diagnosis.json, model.toml, residuals.csv"))
+    out.print(escape(f"written to {out_dir}: {', '.join(FILES)}"))
+    for stretch in apart:
+        if stretch.found is not None:
+            folder = out_dir / stretch.name
+            files.of_stretch(stretch.name, stretch.found, stretch.measurements, folder).write(folder)
+            out.print(escape(f"written to {folder}: the same of what was measured {stretch.name} the change"))
 
 
 def _check_size(where: str, table: Measurements) -> None:
@@ -201,6 +196,8 @@ def tell(plain: dict[str, Any]) -> None:
     out.print(escape(f"verdict: {verdict_text(plain)}"))
     if unexplained := unexplained_text(plain):
         out.print(escape(unexplained))
+    for stretch in stretch_texts(plain):
+        out.print(escape(f"{stretch.rows}: {stretch.said}"))
     if shown := probable_causes(plain):
         table = Table("cause", "probability", "value (95 %)", "check", box=None)
         for cause in shown:

@@ -99,16 +99,18 @@ def _settle(store: Store, data: TrainingData, retraining: Retraining, simulator:
 def _diagnose(store: Store, data: TrainingData, simulator: Model) -> None:
     """Renew the diagnosis of the newest campaign, or say why there is none."""
     from bench.verdict_wording import verdict_text
-    from models.diagnosis.diagnose import diagnose as find_cause  # here: it loads slowly
+    from models.diagnosis.diagnose import diagnose as find_cause  # here: they load slowly
+    from models.diagnosis.stretches import stretches
 
     newest = data.campaigns[-1]
     try:
         with refused_in_words():
             measured = load_measurements(store.measurement_table(newest))
             found = find_cause(measured, simulator)
+            apart = stretches(found, measured, lambda rows: find_cause(rows, simulator), _progress)
     except NotDiagnosed as why:
         out.print(escape(f"no diagnosis of campaign {newest}: {why}"))
         return
-    answer = answer_of(found, measured, store.campaign(newest), None)
+    answer = answer_of(found, measured, store.campaign(newest), None, apart)
     store.add_diagnosis(answer, campaign_id=newest)
     out.print(escape(f"diagnosis of campaign {newest}: {verdict_text(answer)}"))

@@ -1,6 +1,7 @@
 """The verb diagnose on files: what it writes, and what it says of files that it cannot use."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,8 +15,10 @@ from bench.commands.diagnose import MOST_ROWS
 from bench.model_file import read_model
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
+from experiments.onset_trials import happened
 from sim.model import Model
 from sim.simulate import Points, simulate
+from tests.models.diagnosis.virtual_campaign import lab_table
 
 
 def _campaign() -> pd.DataFrame:
@@ -63,6 +66,32 @@ def test_how_the_table_was_read_and_what_the_model_holds_is_said(
     assert kept == read_model(tmp_path / "d" / "model.toml").effects[cause["effect"]]["relative_error"]
     low, high = cause["parameters"][0]["ci95"]
     assert low <= kept <= high
+
+
+def test_where_something_changed_on_the_way_both_stretches_are_answered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed, _ = happened(lab_table({}, seed=171), lab_table({"link_resistance": 0.08}, seed=171), 0.5)
+    changed.to_csv(tmp_path / "changed.csv", index=False)
+    out = tmp_path / "d"
+    assert _run("diagnose", tmp_path / "changed.csv", "--out", out) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "verdict: Ac-link resistance sets in between rows" in said
+    assert re.search(r"before the change, \d+ rows: Simulation and measurement agree", said)
+    assert re.search(
+        r"after the change, \d+ rows: Cause named: ac-link resistance, resistance \d+ mΩ \(95 %", said
+    )
+    page = (out / "diagnosis.html").read_text(encoding="utf-8")
+    whole = json.loads((out / "diagnosis.json").read_text())
+    for stretch in whole["unknown"]["onset"]["stretches"]:
+        folder = out / stretch["name"]
+        answer = json.loads((folder / "diagnosis.json").read_text())
+        assert {key: answer[key] for key in stretch["answer"]} == stretch["answer"]
+        assert f'<a href="{stretch["name"]}/diagnosis.html">' in page
+        assert f"{stretch['name']} the change" in (folder / "diagnosis.html").read_text(encoding="utf-8")
+        assert len(pd.read_csv(folder / "residuals.csv")) == stretch["rows"]
+    assert read_model(out / "after" / "model.toml").effects["link_resistance"]["resistance_Ohm"] > 0.05
+    assert not read_model(out / "before" / "model.toml").effects
 
 
 def test_a_missing_column_is_wrong_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

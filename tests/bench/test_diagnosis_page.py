@@ -232,6 +232,15 @@ def test_a_cause_that_sets_in_is_said_with_its_moment(page: DiagnosisPage, tmp_p
     assert "<li>Find out what changed after 2 h 54 min (tighten the terminals)" in text
     assert "What is there for a part of the time" in text
     assert "Make sure first that the model" not in text
+    agree = {"name": "before", "rows": 58, "refused": None, "answer": {"verdict": "consistent"}}
+    few = {"name": "after", "rows": 7, "refused": "7 usable rows", "answer": None}
+    apart = set_in | {"unknown": unknown | {"onset": onset | {"stretches": [agree, few]}}}
+    text = " ".join(written(replace(page, diagnosis=apart, residuals=residuals), tmp_path).split())
+    assert (
+        'Before the change, 58 rows: Simulation and measurement agree (<a href="before/diagnosis.html">its page</a>).'
+        in text
+    )
+    assert "After the change, 7 rows: not diagnosed, 7 usable rows." in text
     gone = set_in | {"unknown": unknown | {"onset": onset | {"sets_in": False}}}
     text = written(replace(page, diagnosis=gone, residuals=residuals), tmp_path)
     assert "goes away between rows 58 and 59, after 2 h 54 min (0 Ω then, 60.6 mΩ before)" in text.replace(

@@ -15,6 +15,7 @@ import pytest
 from bench import cli
 from bench.campaign import run_campaign
 from bench.demo import DemoResult, summary_of
+from bench.diagnosing import answer_of
 from bench.job import Job
 from bench.lut_on_bench import verified
 from bench.measure import Target, rejected
@@ -30,6 +31,7 @@ from models.diagnosis.observations import CHANNELS
 from models.diagnosis.onset import Onset
 from models.diagnosis.race import NextMeasurement
 from models.diagnosis.sensors import SensorError
+from models.diagnosis.stretches import Stretch
 from models.diagnosis.unexplained import Unexplained
 from models.optimise import OptimumTable
 from sim.model import Model
@@ -158,6 +160,7 @@ def paths(value: object, path: str = "") -> Iterator[tuple[str, object]]:
     if isinstance(value, Mapping):
         for key, inner in value.items():
             at = f"{path}.{key}".lstrip(".")
+            at = at.removeprefix("unknown.onset.stretches[].answer.")
             at = re.sub(r"^noise\.\w+", "noise.<channel>", at)
             at = re.sub(r"^gain\.intervals\.\w+", "gain.intervals.<error>", at)
             at = re.sub(r"^(seconds|error|hidden_values)\.\w+", lambda m: f"{m[1]}.<{KEYED[m[1]]}>", at)
@@ -195,7 +198,12 @@ def answers(folder: Path, full: Diagnosis) -> tuple[Plain, ...]:
         row=1, sets_in=True, direction=np.ones(2),
     )  # fmt: skip
     changed = replace(full, unexplained=replace(full.unexplained, sensor=None, onset=onset))
-    return by_command, full.as_plain("model.toml"), changed.as_plain("model.toml")
+    measured = load_measurements(measured_table())
+    apart = [
+        Stretch(name="before", measurements=measured, found=full, refused=""),
+        Stretch(name="after", measurements=measured, found=None, refused="7 usable rows"),
+    ]
+    return by_command, full.as_plain("model.toml"), answer_of(changed, measured, None, "model.toml", apart)
 
 
 def test_every_key_of_the_answer_is_on_the_page_and_no_other(answers: tuple[Plain, ...]) -> None:
