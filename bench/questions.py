@@ -43,8 +43,8 @@ _LIKELY = 0.5  # from which a cause's value is doubted where it is as large as i
 def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What to make sure of before any cause is checked."""
     asked = (
-        _question_of_conditions(diagnosis),
         _question_of_a_sensor(diagnosis),
+        _question_of_conditions(diagnosis),
         _question_of_an_onset(diagnosis),
         _question_of_columns(diagnosis),
         _question_of_the_model(diagnosis),

@@ -8,6 +8,7 @@ import numpy as np
 from models.diagnosis.extension import Z95
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import nominal_conditions
+from models.diagnosis.plausibility import allowed_for
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import NOT_READ
 from models.diagnosis.variants import sigma_unread
@@ -17,7 +18,7 @@ from models.diagnosis.variants import sigma_unread
 class Condition:
     """A condition that the table does not have, what was ``taken`` for it, and the ``value`` that readings fit.
 
-    Value and interval are None where readings do not doubt what was taken.
+    Value and interval are None where readings do not doubt what was taken, or fit nothing that a bench could have.
     """
 
     column: str
@@ -42,9 +43,12 @@ def unread_conditions(refinery: Refinery, fit: Fit) -> list[Condition]:
 
 
 def _doubted(refinery: Refinery, fit: Fit, column: str, taken: float) -> Condition:
-    """A condition that is a spread, with what the readings leave of it."""
+    """A condition that is a spread, with what the readings leave of it, if that can be."""
     shift = refinery.known.spreads[refinery.known.spread_names.index(column + NOT_READ)]
     told, off = refinery.solve(fit, np.stack([shift, refinery.residual - fit.shift])) @ shift
     sigma = sigma_unread(column, taken)
     value, span = float(taken + sigma * off), Z95 * sigma * float(np.sqrt(max(1.0 - told, 0.0)))
+    low, high = allowed_for(column, refinery.baseline.converter)
+    if not low < value < high:  # made of something else
+        return Condition(column=column, taken=taken)
     return Condition(column=column, taken=taken, value=value, ci95=(value - span, value + span))

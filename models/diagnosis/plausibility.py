@@ -65,6 +65,12 @@ class _Column:
     ambient_C: Array
 
 
+def allowed_for(column: str, converter: Converter) -> tuple[float, float]:
+    """What a condition of a bench may be with this converter: terminal voltages in V, the room in degC."""
+    nominal = {"V1_V": converter.V1_V, "V2_V": converter.V2_V}
+    return (nominal[column] / _HELD, nominal[column] * _HELD) if column in nominal else ROOM_C
+
+
 def check_inputs(observations: Observations, converter: Converter) -> None:
     """Refuse tables whose efficiency is filled in, or whose voltages or room cannot be of this converter.
 
@@ -77,7 +83,7 @@ def check_inputs(observations: Observations, converter: Converter) -> None:
     _refuse_one_efficiency(observations)
     for name, nominal in (("V1_V", converter.V1_V), ("V2_V", converter.V2_V)):
         typical = float(np.median(np.asarray(getattr(observations.points, name))[loaded]))
-        low, high = nominal / _HELD, nominal * _HELD
+        low, high = allowed_for(name, converter)
         if not low < typical < high:
             raise ImplausibleTable(
                 f"{name}: median {typical:g}, but this converter's is {nominal:g} V; {low:.0f} to {high:.0f} V is "

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from drivers.mocks.lab.laboratory import AMBIENT_C, Laboratory
 from drivers.mocks.lab.survey import schedule, survey
 from models.dataset import load_measurements
+from models.diagnosis import conditions
 from models.diagnosis.diagnose import diagnose
 from sim.model import Model
 from tests.models.diagnosis.virtual_campaign import set_points, simulated_campaign
@@ -62,7 +64,7 @@ def test_a_room_that_was_not_always_read_is_no_drift() -> None:
     assert found.verdict.kind == "consistent"
 
 
-def test_a_supply_that_nobody_read_may_be_a_per_cent_off() -> None:
+def test_a_supply_that_nobody_read_may_be_a_per_cent_off(monkeypatch: pytest.MonkeyPatch) -> None:
     frame = elsewhere(304.0, 25.0)
     found = diagnose(load_measurements(frame.drop(columns=["V1_V", "I1_A"])))
     assert found.verdict.kind == "consistent"
@@ -71,6 +73,9 @@ def test_a_supply_that_nobody_read_may_be_a_per_cent_off() -> None:
     assert (supply.column, supply.taken) == ("V1_V", 300.0)
     assert supply.ci95[0] < frame["V1_V"].median() < supply.ci95[1]
     assert supply.ci95[1] - supply.ci95[0] < 2.0  # of 18 V beforehand
+    monkeypatch.setattr(conditions, "allowed_for", lambda *_: (240.0, 301.0))  # none has what readings fit
+    (none,) = conditions.unread_conditions(found.refinery, found.leading)
+    assert (none.column, none.taken, none.value, none.ci95) == ("V1_V", 300.0, None, None)
 
 
 def test_a_room_that_nobody_read_may_be_a_warm_one() -> None:
