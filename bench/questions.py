@@ -263,25 +263,49 @@ def _alike(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _values_kept(diagnosis: Mapping[str, Any]) -> str:
-    """Which values the extended model holds, which need not be the most probable ones; empty where it says none."""
+    """Which values the extended model holds, which need not be the most probable ones; empty where it says none.
+
+    >>> head = {"name": "resistance_Ohm", "value": 0.098, "ci95": [0.07, 0.126], "in_model": 0.126}
+    >>> link = {"effect": "link_resistance", "probability": 1.0, "parameters": [head]}
+    >>> print(_values_kept({"named": ["link_resistance"], "causes": [link]})[:99])
+     It holds ac-link resistance 126 mΩ (98 mΩ is likeliest, 126 mΩ the end of its interval): of the va
+    """
     kept = [
-        f"{effect_name(str(cause['effect']))} {size_text(str(head['name']), float(head['in_model']))}"
+        _kept(str(cause["effect"]), head)
         for cause in probable_causes(diagnosis)
         if cause["effect"] in (diagnosis.get("named") or ())
         and (head := (cause.get("parameters") or [{}])[0]).get("in_model") is not None
     ]
     return (
-        f" It holds {join(kept)}: of the values inside the interval, what predicts the measured efficiencies best."
+        f" It holds {join(kept)}: of the values inside the interval, what predicts the measured efficiencies best, "
+        "with all other parts nominal."
         if kept
         else ""
     )
+
+
+def _kept(effect: str, head: Mapping[str, Any]) -> str:
+    """The value that the extended model holds, and the likeliest one; whether it is as far from that as it may be."""
+    name, kept = str(head["name"]), float(head["in_model"])
+    size, likeliest = size_text(name, kept), size_text(name, float(head["value"]))
+    if size == likeliest:
+        return f"{effect_name(effect)} {size}"
+    ends = [size_text(name, float(end)) for end in head.get("ci95") or ()]
+    end = f", {size} the end of its interval" if size in ends else ""
+    return f"{effect_name(effect)} {size} ({likeliest} is likeliest{end})"
+
+
+def _expected(cause: Mapping[str, Any]) -> str:
+    """What a check should bring out; empty where the cause's value is not told."""
+    (head, *_) = cause.get("parameters") or [{}]
+    return f"; expected, against the simulation: {parameter_text(head)}" if head.get("ci95") else ""
 
 
 def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What a diagnosis asks for, the most urgent first."""
     todo = first_questions(diagnosis)
     todo += [
-        f"Check {effect_name(cause['effect'])}: {check}."
+        f"Check {effect_name(cause['effect'])}: {check}{_expected(cause)}."
         for cause in probable_causes(diagnosis, _ASKED_AFTER)
         if (check := cause.get("check"))
     ]

@@ -266,7 +266,9 @@ def test_what_is_less_likely_than_nothing_is_said_all_the_same(page: DiagnosisPa
 def test_the_value_that_the_model_file_holds_is_said(page: DiagnosisPage, tmp_path: Path) -> None:
     head = CAUSE["parameters"][0] | {"in_model": 0.0763}
     text = written(replace(page, diagnosis=ANSWER | {"causes": [CAUSE | {"parameters": [head]}]}), tmp_path)
-    assert "model.toml. It holds ac-link resistance 76.3 mΩ: of the values inside the interval" in text
+    assert (
+        "model.toml. It holds ac-link resistance 76.3 mΩ (71 mΩ is likeliest): of the values inside" in text
+    )
     assert "It holds" not in written(page, tmp_path)  # as kept by an earlier version
 
 
