@@ -17,6 +17,7 @@ from bench.wording import (
     per_cent,
     points_text,
     probability_text,
+    told_by,
     unbroken,
 )
 
@@ -31,6 +32,7 @@ _FILTERS = {
     "per_cent": per_cent,
     "points": points_text,
     "probability": probability_text,
+    "told_by": told_by,
     "verdict_class": verdict_class,
     "words": effect_name,
 }

@@ -17,6 +17,7 @@ from bench.wording import (
     points_text,
     probable_causes,
     size_text,
+    told_by,
 )
 
 _WORSE = 1.2  # times as far off: a cause that shows in other channels leaves efficiency nearly as it was
@@ -310,12 +311,12 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
         if (check := cause.get("check"))
     ]
     for step in list(diagnosis.get("next") or ())[:_STEPS_SHOWN]:
-        told = join([effect_name(name) for name in step.get("separates") or ()])
+        told = told_by(step["separates"]) if step.get("separates") else ""
         minutes = f" (about {step['minutes']:.3g} min)" if step.get("minutes") is not None else ""
         repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
         todo.append(
             f"Measure next: {action_text(str(step['action'])).removeprefix('measure ')}{repeats}{minutes}"
-            + (f", to settle {told}." if told else ".")
+            + (f", to tell {told}." if told else ".")
         )
     if diagnosis.get("model") and diagnosis.get("verdict") == "named" and not extension_worse(diagnosis):
         todo.append(

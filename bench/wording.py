@@ -279,6 +279,18 @@ def join(words: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else list(words))
 
 
+def told_by(effects: Sequence[str]) -> str:
+    """What a step tells, by the effects that one explanation has and another one has not.
+
+    >>> told_by(["auxiliary_power"])
+    'whether there is auxiliary power'
+    >>> told_by(["link_resistance", "sic_on_resistance"])
+    'ac-link resistance and SiC on-resistance apart'
+    """
+    names = join([effect_name(effect) for effect in effects])
+    return f"{names} apart" if len(effects) > 1 else f"whether there is {names}"
+
+
 def probable_causes(diagnosis: Mapping[str, Any], least: float = SHOWN) -> list[Mapping[str, Any]]:
     """The causes of at least this probability, the most probable first."""
     causes = [cause for cause in diagnosis.get("causes") or () if float(cause["probability"]) >= least]

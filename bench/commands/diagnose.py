@@ -31,6 +31,7 @@ from bench.wording import (
     points_text,
     probability_text,
     probable_causes,
+    told_by,
 )
 from models.dataset import Measurements, load_measurements
 from models.switching_frequency import StatedFrequency, stated_frequencies
@@ -209,9 +210,7 @@ def tell(plain: dict[str, Any]) -> None:
     for asked in first_questions(plain):
         out.print(escape(asked))
     for step in plain["next"]:
-        told = " from ".join(map(effect_name, step["separates"]))
-        apart = told if " from " in told else f"whether there is {told}"
-        worth = f"tells {apart}, by {step['expected_sigma']:.1f} sigma"
+        worth = f"tells {told_by(step['separates'])}, by {step['expected_sigma']:.1f} sigma"
         repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
         out.print(
             escape(f"next: {action_text(step['action'])}{repeats} (about {step['minutes']:.3g} min); {worth}")

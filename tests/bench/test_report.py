@@ -158,7 +158,7 @@ def test_actions_follow_the_verdict(data):
     assert actions(data) == [
         "Check ac-link resistance: measure the ac link with four wires; expected, against the simulation: "
         "resistance 71 mΩ (95 %: 66 to 77).",
-        "Measure next: standby (about 1.5 min), to settle auxiliary power.",
+        "Measure next: standby (about 1.5 min), to tell whether there is auxiliary power.",
         "Simulate with the extended model from now on: out/model.toml.",
     ]
     gain = DIAGNOSIS["gain"]
@@ -176,7 +176,10 @@ def test_actions_follow_the_verdict(data):
     )
     step = {"action": "measure D1 = 0.7, D2 = 0.2, 500 W", "separates": ["dead_time"], "minutes": 4.0}
     asked = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": [step]}))
-    assert asked[-1] == "Measure next: D1 = 0.7, D2 = 0.2, 500 W (about 4 min), to settle dead time."
+    assert (
+        asked[-1]
+        == "Measure next: D1 = 0.7, D2 = 0.2, 500 W (about 4 min), to tell whether there is dead time."
+    )
     suspect = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "consistent"}))
     assert suspect[0].startswith("Change nothing yet")
     assert suspect[0].endswith("What follows would make sure.")
