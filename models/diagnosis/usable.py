@@ -34,7 +34,7 @@ from sim.parameters import ParameterError
 
 LEAST_ROWS = 12
 LEAST_SET_POINTS = 6  # Assumption: fewer do not tell even what one effect does over D1, D2 and power
-_CARRIED = 0.5  # of the readings, with power to spare: where fewer are, the set points are asked about
+_CARRIED = 0.75  # of the readings, with power to spare: where fewer are, the set points are asked about
 
 
 class TooFewPoints(ValueError):

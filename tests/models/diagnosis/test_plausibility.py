@@ -1,11 +1,15 @@
 """Columns that are something else than their name says are found, named, and left out."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from models.dataset import load_measurements
+from models.diagnosis.diagnose import diagnose
 from models.diagnosis.near_limit import LEAST_SPARE
 from models.diagnosis.observations import observe
 from models.diagnosis.plausibility import (
@@ -18,6 +22,7 @@ from models.diagnosis.plausibility import (
 from models.diagnosis.usable import usable_readings
 from sim.model import Model
 from sim.prototype import prototype
+from sim.simulate import can_run
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
 BASELINE = Model.baseline()
@@ -103,6 +108,39 @@ def test_exchanged_duty_ratios_are_refused_with_the_hint(frame: pd.DataFrame) ->
     exchanged = frame.assign(D1=frame["D2"], D2=frame["D1"])
     with pytest.raises(ImplausibleTable, match="are the columns exchanged"):
         check_set_points(observe(exchanged, prototype()), BASELINE)
+
+
+@pytest.mark.parametrize(
+    ("written", "hint"),
+    [
+        (
+            lambda f: {"D1": 0.5 * f["D1"], "D2": 0.5 * f["D2"]},
+            r"both doubled.*--column D1=D1\*2 --column D2=D2\*2",
+        ),
+        (lambda f: {"D2": 1 - f["D2"]}, "1 - D2 for D2 it could: is it the width"),
+        (lambda f: {"D1": 1 - f["D1"]}, "1 - D1 for D1 it could: is it the share without"),
+    ],
+)
+def test_duty_ratios_in_another_convention_are_refused_with_it(
+    frame: pd.DataFrame, written: Callable[[pd.DataFrame], dict[str, pd.Series]], hint: str
+) -> None:
+    """Also where the model could run most of the rows."""
+    other, o = observe(frame.assign(**written(frame)), prototype()), observe(frame, prototype())
+    with pytest.raises(ImplausibleTable, match=hint):
+        check_set_points(other, BASELINE)
+    with pytest.raises(ImplausibleTable, match=hint):
+        diagnose(load_measurements(frame.assign(**written(frame))))
+    check_set_points(o, BASELINE)
+
+
+def test_what_most_rows_can_run_as_they_are_is_believed(frame: pd.DataFrame) -> None:
+    """Where no other convention runs them all: a cause may take power from some."""
+    weak = replace(
+        BASELINE, converter=replace(prototype(), inductor=replace(prototype().inductor, inductance_H=4e-4))
+    )
+    o = observe(frame, weak.converter)
+    assert 0.5 < np.mean(can_run(weak, o.points.take(np.flatnonzero(o.loaded)))) < 0.9
+    check_set_points(o, weak)
 
 
 def test_the_table_of_another_converter_is_refused(frame: pd.DataFrame) -> None:
