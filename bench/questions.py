@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from bench.verdict_wording import doubted_conditions, onset_text, possible, sensor_text
+from bench.verdict_wording import CONDITIONS, doubted_conditions, onset_text, possible, sensor_text
 from bench.wording import (
     SHOWN,
     action_text,
@@ -112,7 +112,8 @@ def _question_of_an_onset(diagnosis: Mapping[str, Any]) -> str:
     unknown = diagnosis.get("unknown") or {}
     if not (onset := unknown.get("onset")) or float(unknown["probability"]) < _LIKELY:
         return ""
-    changed = f"Find out what changed after {duration(onset['after_s'])} ({onset['check']})"
+    hint = f" ({check})" if (check := _check_of_a_change(onset)) else ""
+    changed = f"Find out what changed after {duration(onset['after_s'])}{hint}"
     if onset.get("stretches"):
         return f"{changed}: all rows together are of no single converter."
     before, row = onset["between_rows"]
@@ -120,6 +121,25 @@ def _question_of_an_onset(diagnosis: Mapping[str, Any]) -> str:
         f"{changed}, and diagnose what was measured up to row {before} and from row {row} on each on its own: all rows "
         "together are of no single converter."
     )
+
+
+def _check_of_a_change(onset: Mapping[str, Any]) -> str:
+    """What to look at; empty where the place tells none.
+
+    >>> _check_of_a_change({"check": None, "sensor": None, "place": "V1_V"})
+    'V1_V: read it, and write it into the table'
+    >>> _check_of_a_change({"check": None, "sensor": None, "place": "output, straight"})[:24]
+    'what comes behind the tr'
+    """
+    if onset.get("check"):
+        return str(onset["check"])
+    if sensor := onset.get("sensor"):
+        return (
+            f"what reads the {channel_name(str(sensor['column']))}: where it is fixed, its range, its wiring"
+        )
+    if onset.get("place") in CONDITIONS:
+        return f"{onset['place']}: read it, and write it into the table"
+    return _BEHIND.get(str(onset.get("place")).split(", ")[0], "")
 
 
 def _question_of_columns(diagnosis: Mapping[str, Any]) -> str:

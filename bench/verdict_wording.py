@@ -31,6 +31,8 @@ _PLACES = {
     "ac elements": "of the ac elements",
 }  # of a leftover, as words; the others are words already
 
+CONDITIONS = ("V1_V", "V2_V", "T_ambient_C")  # of a bench: places where nobody read them
+
 VERDICTS = {
     "consistent": "Simulation and measurement agree",
     "named": "Cause named",
@@ -73,24 +75,39 @@ def verdict_class(diagnosis: Mapping[str, Any]) -> str:
 
 
 def onset_text(diagnosis: Mapping[str, Any]) -> str:
-    """Which cause sets in or goes away, and when; empty where what is left over is no such one.
+    """What changes in the course of a campaign, and when; empty where what is left over is no such change.
 
     >>> resistance = {"name": "resistance_Ohm", "value": 0.0606, "off": 0.0}
-    >>> onset = {"effect": "link_resistance", "parameter": resistance, "sets_in": True, "between_rows": [58, 59]}
-    >>> onset_text({"unknown": {"onset": onset | {"after_s": 10440.0}}})
+    >>> moment = {"sets_in": True, "between_rows": [58, 59], "after_s": 10440.0, "place": None, "sensor": None}
+    >>> loose = moment | {"effect": "link_resistance", "parameter": resistance}
+    >>> onset_text({"unknown": {"onset": loose}})
     'ac-link resistance sets in between rows 58 and 59, after 2 h 54 min (60.6 mΩ then, 0 Ω before)'
+    >>> onset_text({"unknown": {"onset": moment | {"effect": None, "place": "output, straight"}}})
+    'something changes between rows 58 and 59, after 2 h 54 min: at the output, and no cause of the catalogue'
+    >>> heatsink = {"column": "T_heatsink_C", "kind": "offset", "value": -5.96, "unit": "degC"}
+    >>> onset_text({"unknown": {"onset": moment | {"effect": None, "sensor": heatsink}}})
+    'heatsink reads 5.96 K low from row 59 on, after 2 h 54 min'
+    >>> onset_text({"unknown": {"onset": moment | {"effect": None, "place": "V1_V"}}})
+    'V1_V, which nobody read, seems to change between rows 58 and 59, after 2 h 54 min'
     """
     onset = (diagnosis.get("unknown") or {}).get("onset")
     if not onset:
         return ""
-    p, (before, row) = onset["parameter"], onset["between_rows"]
-    there, aside = (size_text(p["name"], p[of]) for of in ("value", "off"))
-    then, earlier = (there, aside) if onset["sets_in"] else (aside, there)
-    does = "sets in" if onset["sets_in"] else "goes away"
-    return (
-        f"{effect_name(onset['effect'])} {does} between rows {before} and {row}, after {duration(onset['after_s'])} "
-        f"({then} then, {earlier} before)"
-    )
+    before, row = onset["between_rows"]
+    when = f"between rows {before} and {row}, after {duration(onset['after_s'])}"
+    if onset["effect"]:
+        p = onset["parameter"]
+        there, aside = (size_text(p["name"], p[of]) for of in ("value", "off"))
+        then, earlier = (there, aside) if onset["sets_in"] else (aside, there)
+        does = "sets in" if onset["sets_in"] else "goes away"
+        return f"{effect_name(onset['effect'])} {does} {when} ({then} then, {earlier} before)"
+    if onset["sensor"]:
+        where = f"from row {row} on" if onset["sets_in"] else f"up to row {before}"
+        return f"{_reads(onset['sensor'])} {where}, after {duration(onset['after_s'])}"
+    if onset["place"] in CONDITIONS:
+        return f"{onset['place']}, which nobody read, seems to change {when}"
+    place = str(onset["place"]).split(", ")[0]
+    return f"something changes {when}: {_PLACES.get(place, place)}, and no cause of the catalogue"
 
 
 class StretchText(NamedTuple):
@@ -152,6 +169,11 @@ def sensor_text(diagnosis: Mapping[str, Any]) -> str:
     sensor = (diagnosis.get("unknown") or {}).get("sensor")
     if not sensor:
         return ""
+    return _reads(sensor)
+
+
+def _reads(sensor: Mapping[str, Any]) -> str:
+    """By how much a sensor reads high or low."""
     size = abs(float(sensor["value"]))
     of = (
         f"{100 * size:.3g} %"

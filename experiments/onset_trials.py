@@ -47,8 +47,11 @@ class Said:
 
     @property
     def is_found(self) -> bool:
-        """Whether the effect is told to set in."""
-        return self.onset is not None and self.onset.sets_in and self.onset.effect in self.trial.names
+        """Whether the effect is told to set in, and nothing in its place."""
+        onset = self.onset
+        return (
+            onset is not None and onset.change is None and onset.sets_in and onset.effect in self.trial.names
+        )
 
     @property
     def is_told_apart(self) -> bool:
@@ -128,7 +131,8 @@ def _effects(answers: list[Said]) -> Table:
         ((name, value),), onset = s.trial.hidden, s.onset
         what: tuple[Cell, ...] = (None, None, None)
         if onset is not None:
-            what = onset.effect, onset.value - onset.aside, onset.after_s
+            told = onset.effect if onset.change is None else onset.change.place
+            what = told, onset.value - onset.aside, onset.after_s
         seen: tuple[Cell, ...] = s.trial.seed, s.sets_in_s, s.verdict, *what, s.is_found, s.is_dated
         rows.append((f"{name} = {value:.3g}", *seen, s.before, s.after, s.is_told_apart))
     columns = (

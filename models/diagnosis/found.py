@@ -142,8 +142,7 @@ class Found:
         sight, leading = self.begun.sight, self.leading
         nothing = Fit.nothing(leading.shift.size)
         fits = [nothing, leading] if leading.terms else [nothing]
-        covariances = [sight.as_replicated(fit.shift) for fit in fits]
-        return find_onset(self.setting.refinery, zip(fits, covariances, strict=True), sight.bench.rivals)
+        return find_onset(self.setting.refinery, fits, sight.as_replicated, sight.bench.rivals)
 
 
 def find(usable: Usable, baseline: Model, progress: Callable[[str], None]) -> Found:

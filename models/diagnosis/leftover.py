@@ -83,15 +83,20 @@ class Leftovers:
         moved = tuple(replace(c, columns=places[id(c.columns)]) for c in chosen)
         return replace(self, basis=self.basis[used], configurations=moved)
 
-    def and_also(self, location: str, direction: Array, amplitude: float) -> Self:
-        """Beside them one more, of a single ``direction`` (M,)."""
-        more = Leftover(location=location, amplitude=amplitude, columns=np.array([len(self.basis)]))
+    def and_also(self, location: str, columns: Array, amplitude: float) -> Self:
+        """Beside them one more, of some ``columns`` (q, M)."""
+        places = np.arange(len(self.basis), len(self.basis) + len(columns))
+        more = Leftover(location=location, amplitude=amplitude, columns=places)
         return replace(
             self,
-            basis=np.concatenate([self.basis, direction[None]]),
+            basis=np.concatenate([self.basis, columns]),
             configurations=(*self.configurations, more),
             shared_by=self.shared_by + 1,
         )
+
+    def where(self, there: NDArray[np.bool_]) -> Self:
+        """All of them in some readings (M,) only."""
+        return replace(self, basis=self.basis * there)
 
     def of(self, leftover: Leftover, pulled: Array) -> Array:
         """The most probable course (M,) of a leftover; ``pulled`` (M,) is C'^-1 of what was left with it in C'."""
@@ -161,6 +166,13 @@ def leftovers(
             found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), straight_W))
     found += [(step.place, basis.direction(step.direction), (AMPLITUDE,)) for step in sensors]
     return basis.leftovers(found)
+
+
+def over_campaign(observations: Observations) -> Array:
+    """Smooth maps (r, M) over the time of a campaign, at all readings; none where no time was noted."""
+    used, place = np.unique(observations.row, return_inverse=True)
+    maps = (maps for name, maps in _over_time(observations, used) if name == IN_TIME)
+    return next(maps, np.empty((0, used.size)))[:, place]
 
 
 def _over_time(observations: Observations, used: NDArray[np.intp]) -> Iterable[tuple[str, Array]]:

@@ -8,28 +8,37 @@ the simulation, behind it they are moved as a cause of the catalogue moves them.
 of any effect e at any moment, beside nothing and beside the explanation that leads. Noise that is fitted to what is
 left grows until such a step is within it, so it is looked for in the noise that replicates tell. Where it is decisively
 likelier than all that is there all the time, and than any leftover, it becomes a rival among the leftovers, and all is
-weighed again. Efficiency alone is not asked: what sets in is no more there than a gain that wanders.
+weighed again. What changes need be no cause: where a sensor, a voltage that nobody read or a leftover on that side is
+likelier than the cause with its law open (:mod:`models.diagnosis.change`), that is said in its place. Efficiency alone
+is not asked: what sets in is no more there than a gain that wanders.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.geometry import Geometry
+from models.diagnosis.change import (
+    Change,
+    Step,
+    gains,
+    likelier_change,
+    sensors_among,
+    with_wandering_conditions,
+)
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.leftover import Leftovers
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
-from models.diagnosis.triangular import root_solved
 from models.diagnosis.whitener import Covariance, Whitener
 from sim.effects.catalogue import CATALOGUE
 
 Array = NDArray[np.float64]
+Replicated = Callable[[Array], Covariance]
 
 AMPLITUDE = 1.0  # one sigma, in times of what is found at first
 _LEAST_ROWS = 6  # on either side of a moment: fewer may be outliers
@@ -46,7 +55,8 @@ class Onset:
 
     Its first parameter is ``value`` in ``unit`` there, ``aside`` on the other side. ``row`` (of the frame) is the first
     one behind the moment, ``after_s`` when that was measured, from the first of all rows on, ``before`` the row in
-    front of it; it ``sets_in`` there, or goes away.
+    front of it; it ``sets_in`` there, or goes away. What changes is the ``change``, where that is likelier: the cause
+    only resembles it.
     """
 
     effect: str
@@ -59,22 +69,44 @@ class Onset:
     row: int
     sets_in: bool
     direction: Array
+    change: Change | None = None
+
+    @property
+    def columns(self) -> Array:
+        """All directions (q, M) in which readings may move there."""
+        return self.direction[None] if self.change is None else self.change.columns
+
+    def of_a_sensor(self, sensor: Change, best: "_Best", time_s: Array) -> "Onset":
+        """That a sensor is off instead, where its own ``best`` step says; at the times of readings (M,)."""
+        there, moment = (time_s >= best.moment.at_s) == best.sets_in, best.moment
+        return replace(
+            self, change=replace(sensor, columns=sensor.columns * there), sets_in=best.sets_in,
+            after_s=moment.after_s, before=moment.before, row=moment.row,
+        )  # fmt: skip
 
     def read(self, shift: Array) -> "Onset":
         """The same at the value where it moves readings by a ``shift`` (M,)."""
+        if self.change is not None:
+            return replace(self, change=self.change.read(shift))
         times = float(shift @ self.direction / (self.direction @ self.direction))
         value = self.aside + times * (self.value - self.aside)
         return replace(self, value=value, direction=times * self.direction)
 
     def as_plain(self, rows: Sequence[int]) -> dict[str, Any]:
         """For the JSON answer; ``rows`` is which row of the table each of the frame was."""
-        return {
-            "effect": self.effect,
-            "parameter": {"name": self.parameter, "unit": self.unit, "value": self.value, "off": self.aside},
+        moment = {
             "sets_in": self.sets_in,
             "after_s": self.after_s,
             "between_rows": [rows[self.before], rows[self.row]],
+        }
+        if self.change is not None:
+            return moment | {"effect": None, "parameter": None, "check": None} | self.change.as_plain()
+        return moment | {
+            "effect": self.effect,
+            "parameter": {"name": self.parameter, "unit": self.unit, "value": self.value, "off": self.aside},
             "check": CATALOGUE[self.effect].check_at(self.value),
+            "place": None,
+            "sensor": None,
         }
 
 
@@ -124,6 +156,10 @@ class _Best:
     sets_in: bool
     times: float
 
+    def is_decisive(self, least: float, decisive: float) -> bool:
+        """Whether it is decisively likelier than the same all the time, and than all else, which asks the ``least``."""
+        return self.log_evidence >= max(least, self.whole + decisive)
+
     def other_side(self) -> "_Best":
         """The same of what the fit beside it has, whose value is open: the opposite on the other side."""
         return replace(self, sets_in=not self.sets_in, times=-self.times)
@@ -154,14 +190,7 @@ class _Beside:
 
     def without_a_step(self, leftovers: Leftovers) -> float:
         """The log evidence of the best that is there all the time: of no leftover, or of the best one."""
-        none = np.empty((0, self.pulled.size))
-        geometry, told = Geometry.of(self.whitener, none, leftovers), leftovers.basis @ self.pulled
-        best = 0.0
-        for c in leftovers.configurations:
-            let_in = geometry.admitted[c.key]
-            on = root_solved(let_in.root, (c.amplitude * told[c.columns])[:, None])
-            best = max(best, 0.5 * (float(np.sum(on**2)) - let_in.log_det))
-        return self.bare + best
+        return self.bare + max([0.0, *gains(self.whitener, self.pulled, leftovers)])
 
     def best_steps(self, directions: Array, time_s: Array, moments: Sequence[_Moment]) -> list[_Best]:
         """Of each direction (E, M), one sigma long, the best moment and side; ``time_s`` (M,) is that of readings."""
@@ -201,27 +230,30 @@ def _gain(told: Array, pull: Array) -> Array:
 
 
 def find_onset(
-    refinery: Refinery, fits: Iterable[tuple[Fit, Covariance]], leftovers: Leftovers
+    refinery: Refinery, fits: Sequence[Fit], replicated: Replicated, leftovers: Leftovers
 ) -> Onset | None:
     """The cause that sets in or goes away, where one is decisively likelier than all that is there all the time.
 
-    Beside each of the ``fits``, in its covariance with the noise that replicates tell. None with efficiency alone.
+    Beside each of the ``fits``, in a covariance with the noise that replicates tell: ``replicated`` has it beside what
+    moves the readings by a shift (M,). None with efficiency alone.
     """
     o = refinery.observations
     if o.efficiency_alone or not (moments := _moments(o)):
         return None
     tried = [moments[k] for k in np.unique(np.linspace(0, len(moments) - 1, _MOMENTS).round().astype(int))]
     time_s = np.asarray(o.points.time_s)[o.row]
-    effects = refinery.known.effects
-    slopes = np.stack([s.slope * s.entry.headline.prior for s in effects])
-    beside = [_Beside.of(refinery, fit, covariance) for fit, covariance in fits]
-    decisive = _DECISIVE + math.log(2.0 * len(moments) * len(effects))
-    steps = [(each, each.best_steps(slopes, time_s, tried)) for each in beside]
+    effects, sensors = refinery.known.effects, sensors_among(refinery, leftovers)
+    slopes = [s.slope * s.entry.headline.prior for s in effects]
+    directions = np.stack([*slopes, *(each.columns[0] for each in sensors)])
+    beside = [_Beside.of(refinery, fit, replicated(fit.shift)) for fit in fits]
+    decisive = _DECISIVE + math.log(2.0 * len(moments) * len(directions))
+    steps = [(each, each.best_steps(directions, time_s, tried)) for each in beside]
     here, best = max(steps, key=lambda pair: max(step.log_evidence for step in pair[1]))
     largest = max(step.log_evidence for step in best)
     if largest < max(each.bare for each in beside) + decisive:  # as most are: leftovers need not be asked
         return None
-    least = max(each.without_a_step(leftovers) for each in beside) + decisive
+    always = with_wandering_conditions(refinery, leftovers)
+    least = max(each.without_a_step(always) for each in beside) + decisive
     if largest < least:
         return None
     order = sorted(range(len(effects)), key=lambda k: -best[k].log_evidence)[:_SIMULATED]
@@ -229,8 +261,26 @@ def find_onset(
     for _ in range(_TWICE):
         found = _simulated(refinery, here, found, moments)
     first = max(found, key=lambda each: each.best.log_evidence)
-    is_decisive = first.best.log_evidence >= max(least, first.best.whole + decisive)
-    return first.onset(here, time_s) if is_decisive else None
+    onset = first.onset(here, time_s)
+    off = _best_sensor(here, sensors, time_s, moments)
+    if off is not None and off[1].log_evidence > first.best.log_evidence:
+        return onset.of_a_sensor(*off, time_s) if off[1].is_decisive(least, decisive) else None
+    if not first.best.is_decisive(least, decisive):
+        return None
+    step = first.step(time_s)
+    doubted = _Beside.of(refinery, here.fit, replicated(here.fit.shift + step.direction))
+    left = refinery.residual - here.fit.shift
+    return replace(onset, change=likelier_change(refinery, doubted.whitener, left, step, leftovers))
+
+
+def _best_sensor(
+    here: _Beside, sensors: Sequence[Change], time_s: Array, moments: Sequence[_Moment]
+) -> tuple[Change, _Best] | None:
+    """The sensor that is likeliest to be off on one side of a moment, and its step there."""
+    if not sensors:
+        return None
+    steps = here.best_steps(np.stack([each.columns[0] for each in sensors]), time_s, moments)
+    return max(zip(sensors, steps, strict=True), key=lambda each: each[1].log_evidence)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,11 +324,17 @@ class _Tried:
         """With what the simulator says that its value does."""
         return replace(self, direction=direction, best=best).with_more_there()
 
+    def step(self, time_s: Array) -> Step:
+        """What it does on its side of the moment, at the times of readings (M,)."""
+        there = (time_s >= self.best.moment.at_s) == self.best.sets_in
+        return Step(
+            signature=self.signature, distance=self.value - self.aside, direction=self.direction * there, there=there
+        )  # fmt: skip
+
     def onset(self, here: _Beside, time_s: Array) -> Onset:
         """All of it, at the times of readings (M,); what the fit beside it has of the effect is fitted again."""
         head, moment = self.signature.entry.headline, self.best.moment
-        there = self.direction * ((time_s >= moment.at_s) == self.best.sets_in)
-        aside = self.aside
+        there, aside = self.step(time_s).direction, self.aside
         if self.is_known:
             aside = here.value_beside(self.signature.effect, self.best.times * there)
         return Onset(

@@ -102,7 +102,7 @@ class FirstSight:
 
     def asking(self, onset: Onset) -> "FirstSight":
         """The same with a cause that is not there all the time among the leftovers."""
-        rivals = self.bench.rivals.and_also(PLACE, onset.direction, AMPLITUDE)
+        rivals = self.bench.rivals.and_also(PLACE, onset.columns, AMPLITUDE)
         bench = replace(self.bench, rivals=rivals)
         return FirstSight(bench=bench, looked=bench.settled(bench.begun(self.looked.first), looks=1))
 

@@ -25,6 +25,7 @@ from bench.store import Store, database_url
 from bench.wording import MODEL_NAMES
 from models.dataset import load_measurements
 from models.diagnosis.agreement import Confirmed
+from models.diagnosis.change import Change
 from models.diagnosis.conditions import Condition
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import CHANNELS
@@ -161,6 +162,7 @@ def paths(value: object, path: str = "") -> Iterator[tuple[str, object]]:
         for key, inner in value.items():
             at = f"{path}.{key}".lstrip(".")
             at = at.removeprefix("unknown.onset.stretches[].answer.")
+            at = at.replace("unknown.onset.sensor.", "unknown.sensor.")
             at = re.sub(r"^noise\.\w+", "noise.<channel>", at)
             at = re.sub(r"^gain\.intervals\.\w+", "gain.intervals.<error>", at)
             at = re.sub(r"^(seconds|error|hidden_values)\.\w+", lambda m: f"{m[1]}.<{KEYED[m[1]]}>", at)
@@ -198,12 +200,18 @@ def answers(folder: Path, full: Diagnosis) -> tuple[Plain, ...]:
         row=1, sets_in=True, direction=np.ones(2),
     )  # fmt: skip
     changed = replace(full, unexplained=replace(full.unexplained, sensor=None, onset=onset))
+    loose = replace(full.unexplained.sensor, value=0.2) if full.unexplained.sensor else None
+    change = Change(place="offset of D0", columns=np.ones((1, 2)), sensor=loose)
+    sensor = replace(
+        changed, unexplained=replace(changed.unexplained, onset=replace(onset, change=change))
+    ).as_plain("model.toml")
     measured = load_measurements(measured_table())
     apart = [
         Stretch(name="before", measurements=measured, found=full, refused=""),
         Stretch(name="after", measurements=measured, found=None, refused="7 usable rows"),
     ]
-    return by_command, full.as_plain("model.toml"), answer_of(changed, measured, None, "model.toml", apart)
+    whole = answer_of(changed, measured, None, "model.toml", apart)
+    return by_command, full.as_plain("model.toml"), whole, sensor
 
 
 def test_every_key_of_the_answer_is_on_the_page_and_no_other(answers: tuple[Plain, ...]) -> None:

@@ -1,6 +1,7 @@
 """Campaigns for the tests: measured in a virtual lab, or made by the simulator itself."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -30,10 +31,12 @@ def set_points(count: int, seed: int) -> tuple[Array, Array, Array]:
     return D1[kept], D2[kept], power[kept]
 
 
-def lab_table(hidden: Mapping[str, float | None], *, seed: int, count: int = 60) -> pd.DataFrame:
+def lab_table(
+    hidden: Mapping[str, float | None], *, seed: int, count: int = 60, supply_V: float = 300.0
+) -> pd.DataFrame:
     """What the instruments of a virtual lab show of a whole campaign, in random order."""
-    lab = Laboratory.draw(seed=seed, hidden=hidden)
-    return survey(lab, schedule(*set_points(count, seed)), seed=seed)
+    lab, plan = Laboratory.draw(seed=seed, hidden=hidden), schedule(*set_points(count, seed))
+    return survey(lab, replace(plan, supply_V=supply_V), seed=seed)
 
 
 def lab_campaign(hidden: Mapping[str, float | None], *, seed: int, count: int = 60) -> Measurements:
