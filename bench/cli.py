@@ -3,7 +3,8 @@
 Verbs of this package live in ``bench/commands``, one module per family, each with an ``app``. Verbs of other
 packages are found by the entry point group ``d2ea.verbs``, so that nothing above is imported here.
 
-Exit codes: 0 done, 1 failed, 2 wrong use, 3 bench left unsafe, 130 interrupted (as shells have it).
+Exit codes: 0 done, 1 failed or aborted from elsewhere, 2 wrong use, 3 bench left unsafe, 130 interrupted by Ctrl-C or
+another signal (as shells have it). What has no other end than Ctrl-C, such as ``d2ea mock``, is then done.
 """
 
 import importlib
@@ -21,7 +22,7 @@ from typer.main import get_command
 
 import bench.commands
 from bench.commands.streams import err
-from bench.errors import BenchError, BenchUnsafe, InputError
+from bench.errors import Aborted, BenchError, BenchUnsafe, InputError, Interrupted
 from bench.log import start_log
 from drivers.errors import InstrumentError
 
@@ -82,6 +83,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         _say("BENCH NOT SAFE", error)
         err.print("[bold red]Switch the bench off by hand and see that it is off.[/]")
         sys.exit(UNSAFE)
+    except Aborted as error:
+        _say("aborted", error)
+        sys.exit(INTERRUPTED if isinstance(error, Interrupted) else FAILED)
     except InputError as error:
         _say("wrong input", error)
         sys.exit(WRONG_USE)

@@ -8,6 +8,7 @@
     │   ├── LimitReached  a reading left the safety limits, or was missing
     │   │   └── OutputLost    the converter could not hold its output at this set point
     │   └── Aborted       the operator asked for it
+    │       └── Interrupted   by Ctrl-C or another signal to the process that runs it (exit 130)
     ├── StateError        a step that the transition table does not allow, or an unknown campaign
     ├── BenchTaken        another campaign owns the bench
     ├── StoreError        the database cannot be read or written: full, read-only, locked, gone
@@ -65,6 +66,10 @@ class OutputLost(LimitReached):
 
 class Aborted(CampaignStopped):
     """The operator asked the campaign to stop."""
+
+
+class Interrupted(Aborted):
+    """The operator interrupted the process that runs the campaign."""
 
 
 class StateError(BenchError):

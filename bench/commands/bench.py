@@ -19,7 +19,7 @@ from bench.commands.streams import err, out, stamp
 from bench.config import BenchConfig, CampaignConfig, read_bench, read_campaign
 from bench.config import check as check_settings
 from bench.connect import acknowledge_alarms, inspect_bench
-from bench.errors import Aborted, BenchUnsafe, InputError, StateError
+from bench.errors import BenchUnsafe, InputError, Interrupted, StateError
 from bench.hidden import parse_hidden
 from bench.instruments import open_bench
 from bench.job import CampaignOutcome, Job
@@ -180,7 +180,7 @@ def _rehearse(campaign: CampaignConfig, config: BenchConfig, fault: Path | None)
     from bench.rehearsal import rehearse  # here: a program that runs a real bench loads no mocks
 
     stamp(virtual=True)
-    with live() as progress:
+    with live() as progress, stop_on_signals():
         went = rehearse(campaign, config, faults_in(fault), progress=progress)
     for struck in went.struck:
         what = f"{struck.fault.kind} at the {struck.fault.instrument}"
@@ -324,7 +324,7 @@ def stop_on_signals() -> Iterator[None]:
     def stop() -> None:
         if not stopping.is_set():
             stopping.set()
-            raise Aborted("interrupted by the operator")
+            raise Interrupted("interrupted by the operator")
 
     with on_signals(stop):
         yield

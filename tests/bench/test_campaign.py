@@ -8,7 +8,15 @@ import pytest
 
 from bench.campaign import Surroundings, run_campaign
 from bench.connect import BenchFaults
-from bench.errors import Aborted, BenchUnsafe, CampaignStopped, LimitReached, OutputLost, StateError
+from bench.errors import (
+    Aborted,
+    BenchUnsafe,
+    CampaignStopped,
+    Interrupted,
+    LimitReached,
+    OutputLost,
+    StateError,
+)
 from bench.instruments import Bench
 from bench.job import CampaignOutcome, Job
 from bench.progress import Progress
@@ -182,6 +190,19 @@ def test_ctrl_c_switches_off_and_is_recorded(store: Store) -> None:
         run(fake, store, progress=interrupt)
     assert fake.off
     assert last_state(store) == State.ABORTED
+
+
+def test_unsafe_outranks_an_interruption(store: Store) -> None:
+    fake = FakeInstruments()
+
+    def interrupt(progress: Progress) -> None:
+        if progress.done == 4:
+            fake.broken.add("load off")
+            raise Interrupted("interrupted by the operator")
+
+    with pytest.raises(BenchUnsafe, match="interrupted by the operator"):
+        run(fake, store, progress=interrupt)
+    assert last_state(store) == State.UNSAFE
 
 
 def test_pause_switches_off_and_resume_goes_on(store: Store) -> None:

@@ -4,12 +4,15 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from bench.errors import BenchUnsafe, InputError
+from bench.errors import Aborted, BenchUnsafe, InputError, Interrupted
+from bench.progress import Progress
 from bench.toml_file import read_toml, to_toml
 from drivers.errors import LinkTimeout
 from tests.bench.command_line import bench_file, campaign_file, d2ea, measured_table
@@ -81,6 +84,8 @@ def test_a_run_on_unreachable_instruments_fails_and_is_recorded(capsys: pytest.C
         (ZeroDivisionError("division by zero"), 1),
         (FileNotFoundError(2, "No such file or directory", "bench/any.toml"), 1),
         (KeyboardInterrupt(), 130),
+        (Interrupted("interrupted by the operator"), 130),
+        (Aborted("the operator asked the campaign to stop"), 1),
     ],
 )
 def test_every_error_has_its_exit_code_and_no_traceback(
@@ -95,6 +100,31 @@ def test_every_error_has_its_exit_code_and_no_traceback(
     assert said
     assert "Traceback" not in said
     assert "Errno" not in said
+
+
+@contextmanager
+def interrupting(number: signal.Signals) -> Iterator[Callable[[Progress], None]]:
+    yield lambda _: signal.raise_signal(number)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_campaign_that_is_interrupted_is_said_to_be_aborted(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bench.commands.bench.live", lambda: interrupting(number))
+    plan = {"kind": "latin_hypercube", "points": 1, "standby": 1, "no_load": 0}
+    assert d2ea("run", campaign_file(plan=plan), "--bench", bench_file(), "--rehearse") == 130
+    printed = capsys.readouterr()
+    assert printed.err.strip() == "aborted: interrupted by the operator"
+    assert "bench: PWM off; load off; supply off" in printed.out
+
+
+def test_a_queue_that_waits_is_interrupted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bench.commands.queue.time.sleep", lambda _: signal.raise_signal(signal.SIGINT))
+    assert d2ea("queue", "run") == 130
+    assert "aborted: interrupted by the operator" in capsys.readouterr().err
 
 
 def test_nothing_is_running_to_pause() -> None:
