@@ -25,7 +25,7 @@ def live() -> Iterator[Callable[[Progress], None]]:
     if not err.is_terminal:
         yield _print_line
         return
-    columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("{task.description}"))
+    columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("{task.description}", markup=False))
     bar = Bar(*columns, console=err)
     task = bar.add_task("connecting", total=None)
     last: deque[Progress] = deque(maxlen=LAST)
@@ -34,9 +34,7 @@ def live() -> Iterator[Callable[[Progress], None]]:
         def show(progress: Progress) -> None:
             if progress.row is not None and progress.said:
                 last.append(progress)
-            bar.update(
-                task, completed=progress.done, total=progress.total, description=escape(_now(progress))
-            )
+            bar.update(task, completed=progress.done, total=progress.total, description=_now(progress))
             screen.update(Group(_table(last), bar) if last else bar)
 
         yield show

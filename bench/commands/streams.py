@@ -2,8 +2,9 @@
 
 from rich.console import Console
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+# a time h:m:s or a column Pin:x:W is text, not the name of a symbol between colons
+out = Console(highlight=False, soft_wrap=True, emoji=False)
+err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 VIRTUAL = "VIRTUAL LAB: mock instruments, no hardware data"
 

@@ -127,6 +127,15 @@ def test_a_queue_that_waits_is_interrupted(
     assert "aborted: interrupted by the operator" in capsys.readouterr().err
 
 
+def test_what_stands_between_colons_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea("import", measured_table(), "--name", "Pin:x:W") == 0
+    assert d2ea("runs") == 0  # in a table
+    assert d2ea("status") == 0  # in a line
+    assert capsys.readouterr().out.count("Pin:x:W") == 2
+    assert d2ea("diagnose", "theirs:x:.csv") == 2
+    assert "theirs:x:.csv" in capsys.readouterr().err
+
+
 def test_nothing_is_running_to_pause() -> None:
     assert d2ea("pause") == 1
 

@@ -1,6 +1,7 @@
 """Progress of a campaign: a table on a terminal, plain lines elsewhere."""
 
 import io
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -16,13 +17,13 @@ POINT = Progress(
 )
 
 
-def shown(monkeypatch: pytest.MonkeyPatch, *, terminal: bool) -> str:
+def shown(monkeypatch: pytest.MonkeyPatch, *, terminal: bool, row: PlannedPoint = ROW) -> str:
     text = io.StringIO()
     console = Console(file=text, force_terminal=terminal, width=160, color_system=None, legacy_windows=False)
     monkeypatch.setattr(module, "err", console)
     with module.live() as progress:
-        progress(Progress(done=0, total=9, row=ROW))
-        progress(POINT)
+        progress(Progress(done=0, total=9, row=row))
+        progress(replace(POINT, row=row))
     return text.getvalue()
 
 
@@ -39,6 +40,11 @@ def test_a_table_and_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> Non
     text = shown(monkeypatch, terminal=True)
     for part in ("difference / points", "97.000 %", "98.000 %", "-1.000", "1/9", "1 min 35 s left"):
         assert part in text
+
+
+def test_beside_the_bar_colons_and_brackets_stay_what_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = shown(monkeypatch, terminal=True, row=replace(ROW, why="chosen by Pin:x:W [W]"))
+    assert "chosen by Pin:x:W [W]" in text
 
 
 def test_the_time_left_is_that_of_who_waits() -> None:
