@@ -7,12 +7,12 @@ they are text and as hexadecimal digits where they are not.
 import logging
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
 
 from bench.errors import InputError
-from bench.log import wire
+from bench.log import log, wire
 from drivers.transport import Spy
 
 
@@ -42,7 +42,10 @@ def log_of(instrument: str) -> Spy | None:
 
 
 class FileSpy:
-    """Writes what all instruments say, and are told, to one file, and into the log, too."""
+    """Writes what all instruments say, and are told, to one file, and into the log, too.
+
+    Where the file takes no more, the spy goes deaf and says so: no exchange fails by it, a power-off least of all.
+    """
 
     def __init__(self, path: Path) -> None:
         try:
@@ -53,23 +56,36 @@ class FileSpy:
             ) from error
         self._began = time.monotonic()
         self._lock = Lock()
+        self._deaf = False
 
     def __call__(self, instrument: str) -> Spy:
         """The spy on one instrument's link."""
         logged = log_of(instrument)
 
         def hear(direction: str, data: bytes) -> None:
-            with self._lock:
-                passed_s = time.monotonic() - self._began
-                self._file.write(f"{passed_s:.6f} {instrument} {direction} {readable(data)}\n")
+            passed_s = time.monotonic() - self._began
+            self._write(f"{passed_s:.6f} {instrument} {direction} {readable(data)}\n")
             if logged is not None:
                 logged(direction, data)
 
         return hear
 
+    def _write(self, line: str) -> None:
+        with self._lock:
+            if self._deaf:
+                return
+            try:
+                self._file.write(line)
+            except OSError as error:
+                self._deaf = True
+                log.warning(
+                    "the spy hears no more: %s cannot be written: %s", self._file.name, error.strerror
+                )
+
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        with suppress(OSError):  # what it took no more is tried once again here
+            self._file.close()
 
 
 @contextmanager

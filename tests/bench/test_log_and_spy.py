@@ -74,6 +74,16 @@ def test_the_spy_writes_what_goes_over_the_wire(tmp_path: Path) -> None:
     assert " ".join(line.removeprefix("analyzer < ") for line in came) == "00 ff"  # in one piece, or in two
 
 
+def test_a_spy_whose_disk_is_full_says_so_once_and_disturbs_nobody(caplog: pytest.LogCaptureFixture) -> None:
+    with file_spy(Path("/dev/full")) as spy:
+        assert spy is not None
+        for hear in (spy("controller"), spy("load")):
+            hear(">", b"off")
+    assert [record.getMessage() for record in caplog.records] == [
+        "the spy hears no more: /dev/full cannot be written: No space left on device"
+    ]
+
+
 def test_nobody_listens_unless_asked() -> None:
     assert log_of("analyzer") is None
     with file_spy(None) as spy:
