@@ -29,13 +29,14 @@ BOUNDED = {  # seconds, and ms: a network that is gone is noticed, not waited fo
 }  # fmt: skip
 MEMORY = (None, "", ":memory:")
 
+_AGAIN = "then do it again; a campaign that was running goes on with d2ea resume"
 _ADVICE = (
-    ("disk is full", "the disk is full: make room, then resume the campaign"),
-    ("No space left", "the disk is full: make room, then resume the campaign"),
-    ("readonly", "the database is read-only: give this user the right to write it, then resume the campaign"),
-    ("locked", f"another program has held the database for {BUSY_MS / 1000:g} s: end it, then resume"),
-    ("disk I/O error", "the disk failed: see the system's log, then resume the campaign"),
-    ("onnection", "the database server cannot be reached: start it, then resume the campaign"),
+    ("disk is full", f"the disk is full: make room, {_AGAIN}"),
+    ("No space left", f"the disk is full: make room, {_AGAIN}"),
+    ("readonly", f"the database is read-only: give this user the right to write it, {_AGAIN}"),
+    ("locked", f"another program has held the database for {BUSY_MS / 1000:g} s: end it, {_AGAIN}"),
+    ("disk I/O error", f"the disk failed, or is full: make room, or see the system's log, {_AGAIN}"),
+    ("onnection", f"the database server cannot be reached: start it, {_AGAIN}"),
 )
 
 _DAMAGED = ("malformed", "not a database")  # what SQLite says of a file that was cut or overwritten

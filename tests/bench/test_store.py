@@ -9,6 +9,7 @@ import pytest
 from bench.errors import InputError, StateError, StoreError
 from bench.states import State
 from bench.store import Provenance, Store, database_url
+from bench.store.failures import Failures
 
 PROVENANCE = Provenance(config={"a": 1}, config_hash="0" * 64, virtual=True)
 TABLE = pd.DataFrame(
@@ -50,6 +51,16 @@ def test_a_failed_import_leaves_nothing(store: Store) -> None:
     with pytest.raises(ValueError, match="could not convert"):
         store.import_table("theirs", broken, PROVENANCE)
     assert store.campaigns() == []
+
+
+def test_a_full_disk_asks_for_room_whatever_was_to_be_written(tmp_path: Path) -> None:
+    with Store(f"sqlite:///{tmp_path}/x.sqlite") as store:
+        Failures(store.database).disk_full()
+        many = pd.concat([TABLE] * 200, ignore_index=True)
+        with pytest.raises(
+            StoreError, match=r"the disk is full: make room, then do it again; a campaign that was"
+        ):
+            store.import_table("theirs", many, PROVENANCE)
 
 
 def test_an_unknown_campaign_is_named_with_those_there_are(store: Store) -> None:
