@@ -143,7 +143,7 @@ class BoostedTrees:
 
     def save(self, path: Path) -> None:
         """Write the ensemble as XGBoost's own UBJSON, and its settings beside it (``<path>.json``)."""
-        self._booster.save_model(path)
+        path.write_bytes(self._booster.save_raw("ubj"))  # a full disk is an OSError then, not a trace of C++
         path.with_suffix(".json").write_text(json.dumps(asdict(self.settings), indent=2) + "\n")
 
     @classmethod

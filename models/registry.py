@@ -194,10 +194,9 @@ class Registry:
 
     def _write(self, record: ModelRecord, model: StagedModel, origin: Origin) -> None:
         """Write beside the final folder and move it there whole: a reader never meets half a model."""
-        self.root.mkdir(parents=True, exist_ok=True)
         folder, final = self.root / f".new-{uuid.uuid4().hex}", self.root / record.id
-        folder.mkdir()
         try:
+            folder.mkdir(parents=True)
             for name, stage in zip(record.settings, model.stages, strict=True):
                 if isinstance(stage, BoostedTrees):
                     stage.save(folder / f"{name}.ubj")
@@ -215,6 +214,11 @@ class Registry:
                 raise RegistryError(
                     f"{final}: cannot be written ({error.strerror}); if it is no model, move it away and try again"
                 ) from error
+        except OSError as error:
+            said = (
+                f"{final}: cannot be written ({error.strerror}); make room, or keep models in another folder"
+            )
+            raise RegistryError(said) from error
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 

@@ -1,5 +1,7 @@
 """Kept models: found again by the hash of their data and settings, and predicting the same."""
 
+import errno
+
 import numpy as np
 import pytest
 
@@ -127,6 +129,16 @@ def test_others_are_listed_beside_one_that_cannot_be_read(tmp_path, model):
     (said,) = registry.unreadable()
     assert other.id in said
     assert "reads schema 2 only" in said
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, model, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("models.boosting.Path.write_bytes", full)
+    with pytest.raises(RegistryError, match=r"cannot be written \(No space left on device\); make room"):
+        Registry(tmp_path).save(model, data_sha256="0" * 64, created=WHEN)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_in_the_way_is_said_and_left(tmp_path, model):
