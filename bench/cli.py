@@ -24,6 +24,7 @@ import bench.commands
 from bench.commands.streams import err
 from bench.errors import Aborted, BenchError, BenchUnsafe, InputError, Interrupted
 from bench.log import start_log
+from bench.whole_file import NO_ROOM, what_to_do, why_not
 from drivers.errors import InstrumentError
 
 FAILED, WRONG_USE, UNSAFE, INTERRUPTED = 1, 2, 3, 130
@@ -90,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         _say("wrong input", error)
         sys.exit(WRONG_USE)
     except OSError as error:
-        _say("failed", f"{error.filename}: {error.strerror}" if error.filename else error)
+        _say("failed", _told(error))
         sys.exit(FAILED)
     except (BenchError, InstrumentError, ValueError) as error:
         log.debug("failed", exc_info=error)  # a ValueError may be this program's own fault
@@ -102,6 +103,13 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         err.print("Set D2EA_LOG=debug and run it again for the details.")
         sys.exit(FAILED)
     sys.exit(0)
+
+
+def _told(error: OSError) -> str:
+    """What was wrong with which file; where it is room that is missing, what to do."""
+    if error.errno in NO_ROOM:
+        return f"{error.filename or 'a file'} cannot be written: {why_not(error)}; {what_to_do(error)}"
+    return f"{error.filename}: {error.strerror}" if error.filename else str(error)
 
 
 def _say(what: str, error: object) -> None:

@@ -15,6 +15,7 @@ from bench.questions import diagnosis_actions
 from bench.report import TEMPLATES, rows_left_out
 from bench.so_far import so_far_text
 from bench.verdict_wording import stretch_texts, unexplained_text, verdict_text
+from bench.whole_file import write_whole
 from bench.wording import (
     channel_name,
     counted,
@@ -67,7 +68,7 @@ def write_diagnosis_page(path: Path, page: DiagnosisPage) -> None:
             plotly=get_plotlyjs(),
         )
     )
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def tiles(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str]]:

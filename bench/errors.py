@@ -12,6 +12,7 @@
     ├── StateError        a step that the transition table does not allow, or an unknown campaign
     ├── BenchTaken        another campaign owns the bench
     ├── StoreError        the database cannot be read or written: full, read-only, locked, gone
+    ├── NotWritten        a file of results cannot be written: full disk, read-only, not allowed
     └── BenchUnsafe       the power-off could not be confirmed, or UNSAFE is latched (exit 3)
 """
 
@@ -82,6 +83,10 @@ class BenchTaken(BenchError):
 
 class StoreError(BenchError):
     """The database cannot be read or written now; what was committed before is safe."""
+
+
+class NotWritten(BenchError):
+    """A file of results cannot be written; one that was there before is as it was."""
 
 
 class BenchUnsafe(BenchError):

@@ -18,6 +18,7 @@ from bench.bands import loaded_rows
 from bench.charts import DIFFERENCE, OKABE_ITO
 from bench.report import ReportData
 from bench.verdict_wording import verdict_text
+from bench.whole_file import replacing
 from bench.wording import MODEL_NAMES, effect_name, parameter_text, probability_text, probable_causes
 
 TEXT, SOFT = "#1b1f24", "#59636e"
@@ -53,7 +54,8 @@ def overview_png(path: Path, data: ReportData) -> None:
         figure.text(
             0.975, 0.955, label, fontsize=12, color=TEXT, ha="right", va="center", bbox=box, fontweight="bold"
         )
-    figure.savefig(path, format="png")
+    with replacing(path) as file:
+        figure.savefig(file, format="png")
 
 
 def residual_panel(axes: Axes, figure: Figure, rows: pd.DataFrame) -> None:

@@ -18,6 +18,7 @@ from bench.bands import loaded_rows, power_bands, residual_channels, shown_range
 from bench.charts import OKABE_ITO, STAGES, gain_rows, loss_parts, two_lines
 from bench.figures import DIVERGING
 from bench.report import ReportData
+from bench.whole_file import replacing
 from bench.wording import MODEL_NAMES, channel_name, difference_unit, words
 
 MM = 1 / 25.4  # inches
@@ -44,7 +45,8 @@ def write_figures(folder: Path, data: ReportData) -> list[Path]:
             if data.virtual:
                 figure.text(0.005, 0.005, "virtual lab", fontsize=6, ha="left", va="bottom", color="#59636e")
             files.append(folder / f"{name}.png")
-            figure.savefig(files[-1], dpi=DPI)
+            with replacing(files[-1]) as file:
+                figure.savefig(file, dpi=DPI, format="png")
     return files
 
 

@@ -18,6 +18,7 @@ from bench.bands import loaded_rows
 from bench.html import environment
 from bench.questions import diagnosis_actions
 from bench.verdict_wording import unexplained_text, verdict_text
+from bench.whole_file import write_whole
 from bench.wording import (
     MODEL_NAMES,
     counted,
@@ -87,7 +88,7 @@ def write_report(path: Path, data: ReportData) -> None:
             plotly=get_plotlyjs(),
         )
     )
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
 
 
 def actions(data: ReportData) -> list[str]:

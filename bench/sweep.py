@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 
 from bench.errors import InputError
 from bench.table_file import check_ending
-from bench.whole_file import replacing, write_whole
+from bench.whole_file import replacing, told_of, write_whole
 from bench.workers import Workers, on_dask, on_processes
 from sim.model import Model
 from sim.space import Columns, Space, solve_rows
@@ -190,15 +190,16 @@ def _put_together(sweep: Sweep, resumed: int) -> Swept:
     """One file from all chunks, in their order, chunk by chunk; then the folder goes."""
     feasible, reasons = 0, Counter[str]()
     beside = sweep.out.with_name(sweep.out.name + ".part")
-    with _Output(beside, sweep.out.suffix) as output:
-        for k in range(len(sweep)):
-            table = pq.read_table(sweep.part(k))
-            flags = np.asarray(table["feasible"])
-            feasible += int(flags.sum())
-            reasons.update(table["reason"].filter(pa.array(~flags)).to_pylist())
-            output.append(table)
-    os.chmod(beside, 0o644)
-    os.replace(beside, sweep.out)
+    with told_of(sweep.out):
+        with _Output(beside, sweep.out.suffix) as output:
+            for k in range(len(sweep)):
+                table = pq.read_table(sweep.part(k))
+                flags = np.asarray(table["feasible"])
+                feasible += int(flags.sum())
+                reasons.update(table["reason"].filter(pa.array(~flags)).to_pylist())
+                output.append(table)
+        os.chmod(beside, 0o644)
+        os.replace(beside, sweep.out)
     shutil.rmtree(sweep.folder)
     return Swept(points=len(sweep.inputs), feasible=feasible, reasons=reasons, resumed=resumed)
 
@@ -225,7 +226,9 @@ class _Output:
             self._writer.write_table(table.cast(self._writer.schema))
         self._started = True
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is not None:
+            self._path.unlink(missing_ok=True)  # it may be what fills the disk
         if self._writer is not None:
             self._writer.close()
 

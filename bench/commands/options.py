@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from bench.errors import InputError, Problem
+from bench.whole_file import NO_ROOM, why_not
 
 Database = Annotated[
     str | None,
@@ -33,8 +34,9 @@ def check_folder(folder: Path, option: str) -> None:
             pass
     except OSError as error:
         in_the_way = isinstance(error, FileExistsError | NotADirectoryError)
-        why = "a file stands in the way" if in_the_way else error.strerror
-        allowed = f"nothing can be written there ({why}); name a folder that you may write to"
+        why = "a file stands in the way" if in_the_way else why_not(error)
+        room = "make room, or " if error.errno in NO_ROOM else ""
+        allowed = f"nothing can be written there ({why}); {room}name a folder that you may write to"
         raise InputError.of("command line", option, str(folder), allowed) from error
 
 

@@ -14,6 +14,7 @@ from bench.model_file import model_from
 from bench.oscillogram_figure import PICTURES, oscillogram_figure, oscillogram_table
 from bench.paper_figures import DPI
 from bench.table_file import ENDINGS, write_table
+from bench.whole_file import replacing
 from bench.wording import join, words
 from sim.modulation import EDGES
 from sim.operating_points import Points
@@ -70,7 +71,8 @@ def waveform_(
     title = f"simulated: D1 = {D1:g}, D2 = {D2:g}, {power_W:g} W\n{V1_V:g} V to {V2_V:g} V"
     for file in out_files:
         if file.suffix in PICTURES:
-            oscillogram_figure(trace, title).savefig(file, dpi=DPI)
+            with replacing(file) as written:
+                oscillogram_figure(trace, title).savefig(written, dpi=DPI, format=file.suffix[1:])
         else:
             write_table(oscillogram_table(trace), file)
     out.print(escape(f"written to {', '.join(map(str, out_files))}"))

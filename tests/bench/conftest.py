@@ -1,7 +1,10 @@
 """Databases for the tests of what is stored: each runs on SQLite and on PostgreSQL; and folders for commands."""
 
+import errno
+import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -33,6 +36,17 @@ def store(url: str) -> Iterator[Store]:
     """A fresh store on each kind of database."""
     with Store(url) as opened:
         yield opened
+
+
+def no_room(*_: object, **__: object) -> NoReturn:
+    """What a full disk answers."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No file gets to the disk whole."""
+    monkeypatch.setattr("bench.whole_file.os.fsync", no_room)
 
 
 @pytest.fixture

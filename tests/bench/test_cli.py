@@ -1,5 +1,6 @@
 """The command line: exit codes, words instead of tracebacks, and files that come out right."""
 
+import errno
 import json
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from bench.progress import Progress
 from bench.toml_file import read_toml, to_toml
 from drivers.errors import LinkTimeout
 from tests.bench.command_line import bench_file, campaign_file, d2ea, measured_table
+from tests.bench.conftest import no_room
 
 pytestmark = pytest.mark.usefixtures("in_a_folder_of_its_own")
 
@@ -83,6 +85,7 @@ def test_a_run_on_unreachable_instruments_fails_and_is_recorded(capsys: pytest.C
         (InputError.of("f.toml", "a", 1, "allowed is 2"), 2),
         (ZeroDivisionError("division by zero"), 1),
         (FileNotFoundError(2, "No such file or directory", "bench/any.toml"), 1),
+        (OSError(errno.ENOSPC, "No space left on device"), 1),
         (KeyboardInterrupt(), 130),
         (Interrupted("interrupted by the operator"), 130),
         (Aborted("the operator asked the campaign to stop"), 1),
@@ -100,6 +103,14 @@ def test_every_error_has_its_exit_code_and_no_traceback(
     assert said
     assert "Traceback" not in said
     assert "Errno" not in said
+
+
+def test_where_room_is_missing_what_to_do_is_said(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("bench.commands.bench.read_bench", no_room)
+    assert d2ea("check", "any.toml") == 1
+    assert "the disk is full; make room, or name another folder by --out" in capsys.readouterr().err
 
 
 @contextmanager

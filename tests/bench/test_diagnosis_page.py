@@ -11,6 +11,7 @@ import pytest
 
 from bench.diagnosis_charts import cause_bars, residual_columns, residual_maps
 from bench.diagnosis_page import DiagnosisPage, noise_rows, ties, tiles, unseen, write_diagnosis_page
+from bench.errors import NotWritten
 
 CAUSE = {
     "effect": "link_resistance", "probability": 0.997, "share_of_gap": 0.91, "tied_with": [],
@@ -59,6 +60,14 @@ def page() -> DiagnosisPage:
 def written(page: DiagnosisPage, folder: Path) -> str:
     write_diagnosis_page(folder / "page.html", page)
     return (folder / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("full_disk")
+def test_a_full_disk_leaves_the_page_of_before(page: DiagnosisPage, tmp_path: Path) -> None:
+    (tmp_path / "page.html").write_text("before")
+    with pytest.raises(NotWritten, match=r"/page\.html cannot be written: the disk is full"):
+        write_diagnosis_page(tmp_path / "page.html", page)
+    assert (tmp_path / "page.html").read_text() == "before"
 
 
 def test_it_reads_from_the_verdict_to_the_noise(page: DiagnosisPage, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from playwright.sync_api import sync_playwright
 
 from bench.bands import power_bands
 from bench.charts import channel_residuals, efficiency_maps, loss_breakdown
+from bench.errors import NotWritten
 from bench.figures import overview_png
 from bench.paper_figures import gain_bars, model_errors, optimum_over_load, write_figures
 from bench.questions import first_questions
@@ -92,6 +93,14 @@ def data():
         power_off={"confirmed": True, "devices": {"supply": "off, read back 0.0 V"}},
         optimiser={"name": "PSO-SAVL", "evaluations": 500, "regret": 0.0012},
     )
+
+
+@pytest.mark.parametrize(("write", "name"), [(write_report, "report.html"), (overview_png, "overview.png")])
+def test_a_full_disk_leaves_what_was_there_before(data, tmp_path, full_disk, write, name):
+    (tmp_path / name).write_text("before")
+    with pytest.raises(NotWritten, match=f"{name} cannot be written: the disk is full"):
+        write(tmp_path / name, data)
+    assert (tmp_path / name).read_text() == "before"
 
 
 def page(data, tmp_path):

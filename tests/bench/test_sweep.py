@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.errors import InputError
+from bench.errors import InputError, NotWritten
 from bench.set_points import parse_space, read_points
 from bench.sweep import Sweep, TableRows, run_sweep, solve_chunk
 from bench.workers import LOCAL, Workers
@@ -19,6 +19,7 @@ from sim.model import Model
 from sim.operating_points import Points
 from sim.prototype import prototype
 from sim.simulate import grid, simulate
+from tests.bench.conftest import no_room
 
 GRID = "4x4x3"
 ALONE = Workers(processes=1)
@@ -101,6 +102,19 @@ def test_a_killed_process_loses_no_finished_chunk(tmp_path: Path) -> None:
     sweep = Sweep(model=Model.baseline(), inputs=inputs, out=tmp_path / "a.parquet", chunk_rows=10)
     assert run_sweep(sweep, ALONE, quiet).resumed == there
     assert len(pd.read_parquet(tmp_path / "a.parquet")) == 50
+
+
+def test_a_full_disk_leaves_the_chunks_and_the_sweep_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweep = sweep_to(tmp_path / "a.csv")
+    with monkeypatch.context() as full:
+        full.setattr("pandas.DataFrame.to_csv", no_room)
+        with pytest.raises(NotWritten, match=r"/a\.csv cannot be written: the disk is full; make room"):
+            run_sweep(sweep, ALONE, quiet)
+    assert list(tmp_path.iterdir()) == [sweep.folder]
+    assert run_sweep(sweep, ALONE, quiet).resumed == len(sweep)
+    assert list(tmp_path.iterdir()) == [sweep.out]
 
 
 def test_chunks_of_another_sweep_are_not_taken_for_this_ones(tmp_path: Path) -> None:

@@ -1,9 +1,12 @@
 """Files appear whole: the old one stays until the new one is there, and an error leaves nothing behind."""
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
 
+from bench.errors import NotWritten
 from bench.whole_file import replacing, write_whole
 
 
@@ -34,7 +37,28 @@ def half_written(path: Path) -> None:
 def test_an_error_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) -> None:
     path = tmp_path / "x.txt"
     write_whole(path, "old")
-    with pytest.raises(OSError, match="no space left"):
+    with pytest.raises(NotWritten, match="no space left"):
         half_written(path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        (errno.ENOSPC, "the disk is full; make room, or name another folder by --out"),
+        (errno.EROFS, "the file system is read-only; name another folder by --out"),
+        (errno.EACCES, "this user may not write there; name another folder by --out"),
+        (errno.EIO, "Input/output error; name another folder by --out"),
+    ],
+)
+def test_what_is_told_is_the_file_itself_why_and_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int, said: str
+) -> None:
+    def fail(**beside: object) -> None:
+        raise OSError(code, os.strerror(code), f"{tmp_path}/.x.txt.temporary")
+
+    monkeypatch.setattr("bench.whole_file.tempfile.mkstemp", fail)
+    with pytest.raises(NotWritten) as told:
+        write_whole(tmp_path / "x.txt", "new")
+    assert str(told.value) == f"{tmp_path}/x.txt cannot be written: {said}"
