@@ -18,7 +18,7 @@ from sqlalchemy import RowMapping
 
 from bench.beside import beside
 from bench.config import BenchConfig
-from bench.errors import Aborted, BenchUnsafe, CampaignStopped, StateError, StoreError
+from bench.errors import Aborted, BenchUnsafe, CampaignStopped, StateError, StoreError, named
 from bench.growth import Growth, Think
 from bench.instruments import Bench, open_bench
 from bench.job import CampaignOutcome, Job, planned
@@ -225,8 +225,8 @@ class _Run:
         self.store.note(self.id, "left on by a campaign that died", time_s=self._time_s(), detail=str(report))
         self.campaign.note_bench(report)
         if not report.safe:
-            self._end(State.UNSAFE, str(report), None)
-            raise BenchUnsafe(str(report))
+            self._end(State.UNSAFE, report.told, None)
+            raise BenchUnsafe(report.told)
 
     def _on(self, bench: Bench) -> PowerOffReport:
         """Everything between the first contact and the bench seen off."""
@@ -237,13 +237,16 @@ class _Run:
             error = raised
         report = _seen_off(bench)
         if report.safe and isinstance(error, BenchUnsafe):  # in the middle; by now it was seen off after all
-            error = CampaignStopped(f"the bench was seen off only at the second go: {error}")
+            first = "; ".join(str(error).splitlines())
+            error = CampaignStopped(f"the bench was seen off only at the second go: {first}")
         with suppress(StoreError):  # a screen that cannot be told hides nothing that follows
             faults = (str(error),) if error else ()
             self.reporter.moment("off" if report.safe else "unsafe", faults=faults)
         if not report.safe:
-            said = f"{report}; after: {error}" if error else str(report)
-            self._record_end(report, State.UNSAFE, error, BenchUnsafe(said))
+            # the report itself is no cause
+            cause = error.__cause__ if isinstance(error, BenchUnsafe) else error
+            said = f"{report.told}\nafter: {named(cause)}" if cause else report.told
+            self._record_end(report, State.UNSAFE, cause, BenchUnsafe(said))
         elif error is not None:
             self._record_end(report, _end_state(error), error, error)
         else:
@@ -260,7 +263,7 @@ class _Run:
         """Write how it ended, then raise what there is to raise: a database that fails hides nothing."""
         try:
             self.campaign.note_bench(report)
-            self._end(state, str(report), error)
+            self._end(state, report.told, error)
         except StoreError as lost:
             said = f"the bench was seen off ({report}), but that could not be recorded: {lost}"
             log.error("end of campaign not recorded", extra={"detail": str(lost)})
@@ -345,7 +348,7 @@ class _Run:
 
     def _end(self, state: State, power_off: str, error: BaseException | None) -> None:
         check_transition(self.state, state)
-        said = f"{type(error).__name__}: {error}" if error else None
+        said = named(error) if error else None
         self.store.end(self.id, state, power_off=power_off, error=said, time_s=self._time_s())
         self.state = state
 

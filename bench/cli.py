@@ -81,8 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             err.print("[bold red]interrupted:[/] nothing is left half-written")
         raise
     except BenchUnsafe as error:
-        _say("BENCH NOT SAFE", error)
-        err.print("[bold red]Switch the bench off by hand and see that it is off.[/]")
+        _say("BENCH NOT SAFE", "switch it off by hand and see that it is off, then: d2ea clear")
+        err.print(escape(str(error)))
         sys.exit(UNSAFE)
     except Aborted as error:
         _say("aborted", error)

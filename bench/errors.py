@@ -90,4 +90,16 @@ class NotWritten(BenchError):
 
 
 class BenchUnsafe(BenchError):
-    """At least one part of the bench could not be seen off, now or in a run that nobody has cleared yet."""
+    """At least one part of the bench could not be seen off, now or in a run that nobody has cleared yet.
+
+    What is known of each part is a line of its own.
+    """
+
+
+def named(error: BaseException) -> str:
+    """An error with its kind, as the ledger keeps it; what the operator asked for needs none.
+
+    >>> named(LimitReached("output voltage has no reading")), named(Aborted("interrupted by the operator"))
+    ('LimitReached: output voltage has no reading', 'interrupted by the operator')
+    """
+    return str(error) if isinstance(error, Aborted) else f"{type(error).__name__}: {error}"

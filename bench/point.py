@@ -1,12 +1,13 @@
 """One point of a campaign: set, settled, measured, judged; each step in the ledger before the next one is taken."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy import RowMapping
 
-from bench.errors import BenchUnsafe, OutputLost
+from bench.errors import BenchUnsafe, OutputLost, StoreError
 from bench.instruments import Bench, Sample
 from bench.job import Job, planned
 from bench.log import log
@@ -44,18 +45,20 @@ class Campaign:
         if report.safe:
             benches.seen_off(name, str(report))
         else:
-            benches.latch(name, str(report))
+            benches.latch(name, report.told)
 
     def power_up(self, bench: Bench) -> None:
         """Switched on, which is in the database before it is done."""
         self.store.benches.energise(self.job.bench.name, self.job.bench.settings())
         bench.power_up()
 
-    def off_in_between(self, bench: Bench) -> PowerOffReport:
-        """Off, and seen off, in the middle of a campaign."""
+    def off_in_between(self, bench: Bench, because: Exception | None = None) -> PowerOffReport:
+        """Off, and seen off, in the middle of a campaign; ``because`` of what went wrong there, if anything did."""
         report = bench.power_off()
         if not report.safe:
-            raise BenchUnsafe(str(report))
+            with suppress(StoreError):  # a bench that is not safe outranks it
+                self.store.note(self.id, "not seen off", time_s=self.time_s(), detail=str(report))
+            raise BenchUnsafe(report.told) from because
         self.note_bench(report)
         return report
 
@@ -90,7 +93,7 @@ class PointRunner:
 
     def _undo(self, bench: Bench, point_id: int, error: InstrumentError) -> None:
         """Off, and seen off: the point has not happened."""
-        report = self._of.off_in_between(bench)
+        report = self._of.off_in_between(bench, error)
         log.warning("point disturbed", extra={"detail": str(error)})
         self._of.reporter.moment("recovering", point_id=point_id, faults=(str(error),))
         self._of.store.note(self._of.id, "disturbed", time_s=self._of.time_s(), detail=f"{error}; {report}")
@@ -104,7 +107,7 @@ class PointRunner:
 
     def _give_up_point(self, bench: Bench, row: PlannedPoint, point_id: int, lost: OutputLost) -> None:
         """A set point that the converter cannot hold costs that point, not the night; many in a row do."""
-        report = self._of.off_in_between(bench)
+        report = self._of.off_in_between(bench, lost)
         self._of.store.note(self._of.id, "output lost", time_s=self._of.time_s(), detail=f"{lost}; {report}")
         self._advance(point_id, PointState.REJECTED, str(lost))
         self._of.tracker.finish(row, str(lost), measured=None, predicted=np.nan)

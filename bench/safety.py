@@ -125,8 +125,18 @@ class PowerOffReport:
         """True only when every step was seen off."""
         return all(step.confirmed for step in self.steps)
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What each step says."""
+        return tuple(f"{step.step} {step.said}" for step in self.steps)
+
+    @property
+    def told(self) -> str:
+        """What is known of the bench: in one line where it is off, else in a line for each step."""
+        return str(self) if self.safe else "\n".join(self.lines)
+
     def __str__(self) -> str:
-        return "; ".join(f"{step.step} {step.said}" for step in self.steps)
+        return "; ".join(self.lines)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

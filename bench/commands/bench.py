@@ -265,7 +265,7 @@ def clear(
         config = given or check_settings(bench.config, BenchConfig, file=f"bench {bench.name}")
         stamp(config.virtual)
         report = switch_off_leftovers(config, WallClock(config.speed))
-        out.print(escape(f"bench {bench.name!r}: {report}"))
+        out.print(escape(f"bench {bench.name!r}: {report.told}"))
         if not report.safe and not seen_off:
             raise BenchUnsafe(
                 "not everything could be read back as off, so nothing is cleared; look at the bench, and say "

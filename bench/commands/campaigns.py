@@ -1,6 +1,6 @@
 """Verbs on stored campaigns: status, runs, pause, abort, export, import."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +23,8 @@ from bench.wording import counted
 from models.other_names import OtherName, OtherNameError
 
 app = typer.Typer()
+
+_ALARMING = {BenchState.UNSAFE: "bold red", BenchState.UNCONFIRMED: "bold yellow"}  # and how they are shown
 
 CampaignId = Annotated[int, typer.Argument(metavar="CAMPAIGN_ID", min=1, help="as listed by d2ea runs")]
 Running = Annotated[
@@ -59,7 +61,10 @@ def status(campaign_id: Stored = None, db: Database = None) -> None:
         events = store.events(row["id"])
         last, told = events[-1:], _choice(events)
         benches = store.benches.all()
+    alarming = [bench for bench in benches if bench.state in _ALARMING]  # what needs a hand comes first
     stamp(row["virtual"])
+    for bench in alarming:
+        out.print(f"[{_ALARMING[bench.state]}]{escape(said_bench(bench))}[/]")
     out.print(escape(f"campaign {row['id']} {row['name']!r}: {row['shown']}"))
     most = most_rows(row["config"]) if row["shown"] is not State.DONE else None
     grows = f"; more are chosen as it goes, {most} in all at most" if most else ""
@@ -68,18 +73,25 @@ def status(campaign_id: Stored = None, db: Database = None) -> None:
         out.print(escape(before))
     for event in told:
         out.print(escape(f"{event['event']}: {event['detail']}"))
-    for label, key in (("bench", "power_off"), ("stopped by", "error"), ("asked to", "request")):
-        if row[key]:
-            out.print(escape(f"{label}: {row[key]}"))
-    for event in last:
-        out.print(
-            escape(f"last: {event['event']} {event['detail'] or ''} at {event['written'][:19]} UTC".strip())
-        )
+    for line in _how_it_stands(row, last, [bench.unsafe for bench in alarming]):
+        out.print(escape(line))
     for bench in benches:
-        colour = {BenchState.UNSAFE: "bold red", BenchState.UNCONFIRMED: "bold yellow"}.get(
-            bench.state, "default"
-        )
-        out.print(f"[{colour}]{escape(said_bench(bench))}[/]")
+        if bench not in alarming:
+            out.print(escape(said_bench(bench)))
+
+
+def _how_it_stands(row: Row, last: Sequence[RowMapping], said: Sequence[str | None]) -> Iterator[str]:
+    """How the bench was left, what stopped the campaign, what it is asked, its last event; nothing twice."""
+    told = [text for text in said if text]
+    for label, key in (("bench", "power_off"), ("stopped by", "error"), ("asked to", "request")):
+        text = row[key] or ""
+        if text and not text.endswith(tuple(told)):
+            yield f"{label}: {text}"
+            told.append(text)
+    for event in last:
+        detail = event["detail"] or ""
+        more = f" {detail}" if detail and not detail.endswith(tuple(told)) else ""
+        yield f"last: {event['event']}{more} at {event['written'][:19]} UTC"
 
 
 def _choice(events: Sequence[RowMapping]) -> list[RowMapping]:
@@ -95,10 +107,12 @@ def _choice(events: Sequence[RowMapping]) -> list[RowMapping]:
 
 
 def said_bench(bench: BenchRow) -> str:
-    """What is known of a bench, in one line."""
+    """What is known of a bench in one line; of one that is UNSAFE also what each of its parts said."""
     match bench.state:
         case BenchState.UNSAFE:
-            what = f"UNSAFE since {bench.unsafe_since}: {bench.unsafe}; see that it is off, then: d2ea clear"
+            since = f"UNSAFE since {(bench.unsafe_since or '')[:19]} UTC"
+            why = "".join(f"\n  {line}" for line in (bench.unsafe or "").splitlines())
+            what = f"{since}: switch it off by hand and see that it is off, then: d2ea clear{why}"
         case BenchState.UNCONFIRMED:
             what = f"left on by campaign {bench.campaign_id}, which died; d2ea resume or d2ea clear switches it off"
         case BenchState.ON:

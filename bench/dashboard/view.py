@@ -93,7 +93,7 @@ def _banner_of(bench: BenchRow, overview: Overview) -> Banner:
         return Banner(
             level="unsafe",
             title=f"UNSAFE: {bench.name}",
-            said=f"since {clock(bench.unsafe_since)}: {bench.unsafe}",
+            said=f"since {clock(bench.unsafe_since)}:\n{bench.unsafe}",
             todo="Switch it off by hand and see that it is off. Then, at the bench: d2ea clear",
         )
     if bench.state is BenchState.UNCONFIRMED:

@@ -147,8 +147,8 @@ def _refuse(known: BenchRow | None, claim: Claim | None) -> None:
         return
     if known.state is BenchState.UNSAFE:
         raise BenchUnsafe(
-            f"the bench {known.name!r} is UNSAFE since {known.unsafe_since}: {known.unsafe}; see that it is off, "
-            "then: d2ea clear"
+            f"the bench {known.name!r} is UNSAFE since {known.unsafe_since}; once it is seen off: d2ea clear\n"
+            f"{known.unsafe}"
         )
     if known.owner is None or (
         claim and (claim.campaign_id, claim.owner) == (known.campaign_id, known.owner)

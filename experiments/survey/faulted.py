@@ -118,7 +118,7 @@ def perform(script: Script, *, strikes: int, points: int = 10, seed: int = 11) -
         try:
             run_campaign(job(rack, points=points, seed=seed), store, clock)
         except BenchUnsafe as error:
-            outcome, cause = "unsafe", str(error)
+            outcome, cause = "unsafe", "; ".join(str(error).splitlines())
         except (BenchError, InstrumentError) as error:
             outcome, cause = "stopped", f"{type(error).__name__}: {error}"
         rows = store.measurement_table(1)

@@ -125,6 +125,25 @@ def test_a_step_of_the_power_off_that_fails_does_not_stop_the_next(store: Store)
     assert last_state(store) == State.UNSAFE
 
 
+def test_what_could_not_be_seen_off_is_told_once_a_line_each_and_after_what(store: Store) -> None:
+    fake = FakeInstruments()
+    watch = lambda progress: fake.broken.update({"read", "load off"}) if progress.done == 4 else None  # noqa: E731
+    with pytest.raises(BenchUnsafe) as told:
+        run(fake, store, progress=watch)
+    assert str(told.value).splitlines() == [
+        "PWM off",
+        "load NOT confirmed off: load off: unplugged",
+        "supply off",
+        "discharge to 60 V or less",
+        "after: LinkLost: read: unplugged",
+    ]
+    row, (bench,) = store.campaign(1), store.benches.all()
+    assert row["error"] == "LinkLost: read: unplugged"
+    assert row["power_off"] == bench.unsafe == str(told.value).rpartition("\n")[0]
+    (first,) = [event["detail"] for event in store.events(1) if event["event"] == "not seen off"]
+    assert "load NOT confirmed off: load off: unplugged" in first
+
+
 def test_power_goes_off_as_pwm_load_supply(store: Store) -> None:
     fake = FakeInstruments()
     run(fake, store)

@@ -98,6 +98,7 @@ def test_every_step_is_taken_and_a_failed_one_is_tried_twice() -> None:
     assert done == ["PWM", "load", "load", "supply"]
     assert not report.safe
     assert str(report) == "PWM off; load NOT confirmed off: no answer; supply off"
+    assert report.told.splitlines() == ["PWM off", "load NOT confirmed off: no answer", "supply off"]
 
 
 def test_a_step_that_works_the_second_time_is_confirmed() -> None:
