@@ -10,6 +10,8 @@ from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
+import numpy as np
+
 from sim.datasheet import load_diode, load_switch
 from sim.parameters import (
     Capacitance,
@@ -43,6 +45,7 @@ _USUALLY = {  # where a file may be silent
     "secondary_delay_s": 0.0, "auxiliary_power_W": 0.0, "input_cable_Ohm": 0.0, "output_cable_Ohm": 0.0,
     "link_resistance_Ohm": 0.0,
 }  # fmt: skip
+_MOST_RATED = 250.0  # n V1 V2 / (8 fs L) over the rated power, which then needs a phase of 0.001 half periods
 _TEXTS = {"part", "name", "modulation"}
 
 
@@ -77,6 +80,12 @@ def converter_from_plain(data: Mapping[str, Any], modulation: str | None = None)
     if reader.wrong or converter is None:
         raise ConverterDataError(reader.wrong)
     return converter
+
+
+def ideal_most_W(converter: Converter) -> float:
+    """What a converter carries at most without losses, with full pulses a quarter period apart: n V1 V2 / (8 fs L)."""
+    per_Hz = converter.transformer.turns_ratio * converter.V1_V * converter.V2_V
+    return float(np.mean(per_Hz / (8 * converter.frequency_Hz * converter.inductor.inductance_H)))
 
 
 def converter_to_plain(converter: Converter) -> Plain:
@@ -135,11 +144,17 @@ class _Reader:
         return converter
 
     def _contradictions(self, converter: Converter) -> None:
-        per_Hz = converter.transformer.turns_ratio * converter.V1_V * converter.V2_V
-        most_W = float(per_Hz / (8 * converter.frequency_Hz * converter.inductor.inductance_H))
-        if converter.rated_power_W > most_W:
+        rated_W, most_W = converter.rated_power_W, ideal_most_W(converter)
+        if rated_W > most_W:
             allowed = f"n V1 V2 / (8 fs L) is {most_W:.0f} W: these values carry no more, whatever the phase"
-            self._add(("rated_power_W",), converter.rated_power_W, allowed)
+            self._add(("rated_power_W",), rated_W, allowed)
+        if most_W > _MOST_RATED * rated_W:
+            allowed = (
+                f"is in Hz; with it n V1 V2 / (8 fs L) is {most_W:.3g} W, {most_W / rated_W:.0f} times the rated "
+                f"power, and may be {_MOST_RATED:.0f} times: check it, the voltages, and inductor.inductance_H = "
+                f"{converter.inductor.inductance_H:g}"
+            )
+            self._add(("frequency_Hz",), converter.frequency_Hz, allowed)
 
     def _bridge(self, data: Any, name: str) -> NpcBridge | FullBridge | None:
         if not isinstance(data, Mapping):

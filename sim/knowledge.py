@@ -22,7 +22,7 @@ from sim.circuit import Temperatures, winding_resistance
 from sim.harmonic import share_of_pair, triangle
 from sim.model import Model
 from sim.modulation import EDGES, centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
-from sim.operating_points import Points, efficiency
+from sim.operating_points import Points, carried, efficiency
 from sim.parameters import Converter, Core
 from sim.simulate import Result
 from sim.soft_switching import residual_energy
@@ -108,7 +108,7 @@ def _solve(model: Model, points: Points, shapes: _Shapes) -> Result:
     reason = _refused(converter, moved)
     most_W = way * scale_W * shapes.power_share(centred + 0.5 * _SHIFT * way)
     for k in np.flatnonzero((reason == "") & (way * P > most_W)):
-        reason[k] = f"D1 and D2 carry at most {most_W[k]:.0f} W without losses"
+        reason[k] = f"{carried(float(most_W[k]))} without losses"
     phase = way * _phase(shapes, centred, way, way * P / scale_W)
     values = _columns(converter, moved, shapes, centred + _SHIFT * phase)
     values["D0"] = phase - centre_offset(D1, D2)

@@ -121,3 +121,12 @@ def grid_of(converter: Converter, shape: tuple[int, int, int] = (25, 25, 20)) ->
     """The same grid for any converter: from a tenth of its rated power to all of it."""
     rated_W = converter.rated_power_W
     return grid(shape, lowest_W=0.1 * rated_W, highest_W=rated_W)
+
+
+def carried(most_W: float, most: str = "at most") -> str:
+    """What D1 and D2 carry, in words; less than half a watt, or power that only flows back, is none.
+
+    >>> carried(812.4), carried(90.7, "less than"), carried(-3.2)
+    ('D1 and D2 carry at most 812 W', 'D1 and D2 carry less than 91 W', 'D1 and D2 carry no power')
+    """
+    return f"D1 and D2 carry {most} {most_W:.0f} W" if most_W >= 0.5 else "D1 and D2 carry no power"

@@ -13,7 +13,7 @@ from sim.columns import columns, columns_of, impossible
 from sim.fixed_point import Outcome, operate
 from sim.modulation import centre_offset, hybrid_edges, infeasible_pulse, outside_modulation
 from sim.neighbours import Response, approach, started, unknowns_of
-from sim.operating_points import Points
+from sim.operating_points import Points, carried
 from sim.parameters import Converter
 from sim.piecewise import power_share
 from sim.stacking import pick
@@ -189,11 +189,11 @@ def refused(converter: Converter, points: Points) -> NDArray[np.str_]:
         reason[rows], open_[rows] = told[rows], False
     most = _ceiling_W(points, converter)
     for k in np.flatnonzero(open_ & (np.abs(points.power_W) >= most)):
-        reason[k] = f"D1 and D2 carry less than {most[k]:.0f} W"
+        reason[k] = carried(float(most[k]), "less than")
     return reason
 
 
 def _why_not(most_W: float) -> str:
     if np.isfinite(most_W):
-        return f"D1 and D2 carry at most {most_W:.0f} W into the secondary bridge"
+        return f"{carried(most_W)} into the secondary bridge"
     return "no steady state found"

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -19,6 +20,8 @@ from bench.sweep import CHUNK_ROWS, Rows, Sweep, TableRows, Watch, run_sweep
 from bench.table_file import check_ending
 from bench.wording import alike
 from bench.workers import LOCAL, Workers
+from sim.converter_data import ideal_most_W
+from sim.parameters import Converter
 
 app = typer.Typer()
 
@@ -77,6 +80,19 @@ def simulate_(
     out.print(escape(f"{swept.points} points, {swept.feasible} feasible{resumed}, written to {out_file}"))
     for reason, count in alike(swept.reasons).most_common():
         out.print(escape(f"  {count} × {reason}"))
+    if not swept.feasible:
+        out.print(escape(what_to_check(model.converter)))
+
+
+def what_to_check(converter: Converter) -> str:
+    """What of a model comes first where none of its points can run, with the values that it has."""
+    c, inductor, transformer = converter, converter.inductor, converter.transformer
+    return (
+        f"no point can run; check first of the model: frequency_Hz = {c.frequency_Hz:g}, inductor.inductance_H = "
+        f"{np.mean(inductor.inductance_H):g}, V1_V = {c.V1_V:g}, V2_V = {c.V2_V:g}, transformer.turns_ratio = "
+        f"{np.mean(transformer.turns_ratio):.4g}: without losses they carry {ideal_most_W(c):.0f} W at most, and "
+        f"rated_power_W = {c.rated_power_W:g}"
+    )
 
 
 @contextmanager

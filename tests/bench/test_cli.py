@@ -16,6 +16,8 @@ from bench.errors import Aborted, BenchUnsafe, InputError, Interrupted
 from bench.progress import Progress
 from bench.toml_file import read_toml, to_toml
 from drivers.errors import LinkTimeout
+from sim.converter_data import converter_to_plain
+from sim.prototype import prototype
 from tests.bench.command_line import bench_file, campaign_file, d2ea, measured_table
 from tests.bench.conftest import no_room
 
@@ -157,6 +159,23 @@ def test_simulate_a_grid() -> None:
     assert len(table) == 18
     assert table.loc[~table["feasible"], "efficiency"].isna().all()
     assert table.loc[table["feasible"], "efficiency"].between(0.5, 1.0).all()
+
+
+def test_where_no_point_can_run_what_to_check_of_the_model_is_said(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    slow = converter_to_plain(prototype()) | {"name": "slow", "frequency_Hz": 100.0}
+    Path("slow.toml").write_text(to_toml({"converter": slow}))
+    assert d2ea("simulate", "--grid", "3x3x2", "--model", "slow.toml") == 0
+    *reasons, last = capsys.readouterr().out.splitlines()
+    assert "  8 × D1 and D2 carry no power into the secondary bridge" in reasons
+    assert last.startswith(
+        "no point can run; check first of the model: frequency_Hz = 100, inductor.inductance_H = "
+    )
+    assert (
+        "V1_V = 300, V2_V = 140, transformer.turns_ratio = 2: without losses they carry 444915 W at most"
+        in last
+    )
 
 
 def test_simulate_points_keeps_the_columns_given() -> None:

@@ -72,6 +72,12 @@ def test_a_rated_power_that_cannot_flow_is_a_contradiction() -> None:
     assert "carry no more" in wrong_with(example() | {"rated_power_W": 5000.0})["rated_power_W"]
 
 
+def test_kilohertz_given_as_hertz_are_a_contradiction() -> None:
+    said = wrong_with(example() | {"frequency_Hz": 100.0})["frequency_Hz"]
+    assert "1067 times the rated power" in said
+    assert "check it, the voltages, and inductor.inductance_H = 0.00012" in said
+
+
 def test_a_bridge_is_three_level_or_two_level_not_both() -> None:
     data = example()
     data["primary"]["clamp"] = "APT30DQ60BG"
