@@ -15,6 +15,7 @@ from bench.job import Job
 from bench.prediction import Predictor
 from bench.progress import Progress, silent
 from bench.store import Entry, Store
+from bench.wording import counted
 from drivers.clock import Clock, WallClock
 from drivers.errors import InstrumentError
 
@@ -77,4 +78,4 @@ class Worker:
             raise
         except (BenchError, InstrumentError) as error:
             return f"failed: {error}", False, None
-        return f"done: {outcome.accepted} rows accepted", True, outcome.campaign_id
+        return f"done: {counted(outcome.accepted, 'row')} accepted", True, outcome.campaign_id

@@ -29,7 +29,7 @@ from bench.states import STOPPED
 from bench.store import BenchRow, BenchState, Row, Store, database_url
 from bench.toml_file import read_toml, to_toml
 from bench.whole_file import write_whole
-from bench.wording import duration
+from bench.wording import counted, duration
 from drivers.clock import WallClock
 
 if TYPE_CHECKING:
@@ -292,7 +292,7 @@ def _to_clear(store: Store, name: str | None) -> BenchRow:
 
 def _report(outcome: CampaignOutcome, store: Store) -> None:
     out.print(
-        f"campaign {outcome.campaign_id} done: {outcome.accepted} rows accepted, "
+        f"campaign {outcome.campaign_id} done: {counted(outcome.accepted, 'row')} accepted, "
         f"{outcome.rejected} rejected, {outcome.settled} settled, "
         f"in {duration(outcome.bench_seconds)} of bench time"
     )

@@ -18,6 +18,7 @@ from bench.processes import behind_the_campaign
 from bench.retrain import KINDS, Retrainer, Retraining, newest_data, note_in_store, watch
 from bench.store import Store, database_url
 from bench.training_data import TrainingData
+from bench.wording import counted
 from models.dataset import load_measurements
 from models.registry import Registry
 from sim.model import Model
@@ -85,7 +86,7 @@ def _progress(said: str) -> None:
 def _settle(store: Store, data: TrainingData, retraining: Retraining, simulator: Model | None) -> None:
     """Say what came of it, note it beside the campaign, and renew the diagnosis where there is a simulator for it."""
     stamp(bool(data.virtual))
-    out.print(escape(f"{len(data)} accepted rows of {data.data}"))
+    out.print(escape(f"{counted(len(data), 'accepted row')} of {data.data}"))
     out.print(escape(retraining.said))
     note_in_store(store, data, retraining)
     for file in retraining.files:

@@ -18,7 +18,7 @@ from bench.model_file import model_from
 from bench.set_points import parse_space, read_points
 from bench.sweep import CHUNK_ROWS, Rows, Sweep, TableRows, Watch, run_sweep
 from bench.table_file import check_ending
-from bench.wording import alike
+from bench.wording import alike, counted
 from bench.workers import LOCAL, Workers
 from sim.converter_data import ideal_most_W
 from sim.parameters import Converter
@@ -77,7 +77,9 @@ def simulate_(
     with _watching(len(sweep)) as watch:
         swept = run_sweep(sweep, Workers(processes=processes, dask=dask), watch)
     resumed = f", {swept.resumed} of {len(sweep)} chunks were there" if swept.resumed else ""
-    out.print(escape(f"{swept.points} points, {swept.feasible} feasible{resumed}, written to {out_file}"))
+    out.print(
+        escape(f"{counted(swept.points, 'point')}, {swept.feasible} feasible{resumed}, written to {out_file}")
+    )
     for reason, count in alike(swept.reasons).most_common():
         out.print(escape(f"  {count} × {reason}"))
     if not swept.feasible:

@@ -114,9 +114,9 @@ def check_table(whole: Observations, measurements: Measurements, baseline: Model
     """
     loaded = int(whole.loaded.sum())
     if loaded < LEAST_ROWS:
+        usable = f"{loaded} usable {'row that carries' if loaded == 1 else 'rows that carry'} power"
         raise TooFewPoints(
-            f"{loaded} usable rows that carry power; a diagnosis needs at least {LEAST_ROWS}"
-            + _most_lost_before(measurements)
+            f"{usable}; a diagnosis needs at least {LEAST_ROWS}{_most_lost_before(measurements)}"
         )
     if (different := _set_points(whole)) < LEAST_SET_POINTS:
         raise TooFewPoints(
@@ -139,7 +139,9 @@ def _most_lost_before(measurements: Measurements) -> str:
     if not measurements.rejected:
         return ""
     reason, count = Counter(row.reason for row in measurements.rejected).most_common(1)[0]
-    return f". {len(measurements.rejected)} rows were left out, {count} of them because: {reason}"
+    out = len(measurements.rejected)
+    were = "1 row was left out" if out == 1 else f"{out} rows were left out, {count} of them"
+    return f". {were} because: {reason}"
 
 
 def usable_readings(

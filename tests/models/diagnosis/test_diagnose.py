@@ -45,6 +45,15 @@ def test_too_few_rows_are_refused_with_the_number_needed() -> None:
         diagnose(load_measurements(frame.head(LEAST_ROWS - 1)))
 
 
+@pytest.mark.parametrize(
+    ("rows", "said"), [(1, "1 usable row that carries power;"), (2, "2 usable rows that carry power;")]
+)
+def test_one_row_is_one(rows: int, said: str) -> None:
+    table = load_measurements(simulated_campaign(Model.baseline(), seed=2, count=LEAST_ROWS).head(rows))
+    with pytest.raises(TooFewPoints, match=f"^{said}"):
+        diagnose(table)
+
+
 def test_rows_near_the_limit_of_the_right_converter_do_not_accuse_its_model_file(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
