@@ -30,6 +30,12 @@ _BEHIND = {
     "over time": "what changed in the course of the campaign: room, supply, instruments",
     "gain over time": "what changes the analyzer's gain in the course of the campaign: its room, its warm-up",
 }  # a leftover's place: what of the bench is there
+# what else moves as a sensor's gain does
+_OTHERWISE = {
+    "T_inductor_C": "; and how the winding is cooled, which the model may have otherwise",
+    "T_transformer_C": "; and how the winding is cooled, which the model may have otherwise",
+    "V2_V": "; and the turns ratio of the model, of which all moves as of V2_V",
+}
 _NOT_YET = "Change nothing yet: the tolerances of parts and instruments may still explain what the simulation misses."
 _AGREES = "Nothing needs changing: the tolerances of parts and instruments may explain all that the simulation misses."
 _PROVIDED = (
@@ -95,7 +101,8 @@ def _question_of_a_sensor(diagnosis: Mapping[str, Any]) -> str:
     if not (sensor := unknown.get("sensor")) or float(unknown["probability"]) < _LIKELY:
         return ""
     of = f"{channel_name(str(sensor['column']))} ({sensor['column']})"
-    return f"Check what reads the {of}: its ratio, its wiring, the column's unit; then diagnose again."
+    otherwise = _OTHERWISE.get(str(sensor["column"]), "") if sensor["kind"] == "gain" else ""
+    return f"Check what reads the {of}: its ratio, its wiring, the column's unit{otherwise}; then diagnose again."
 
 
 def _question_of_an_onset(diagnosis: Mapping[str, Any]) -> str:

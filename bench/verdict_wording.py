@@ -31,6 +31,12 @@ _PLACES = {
     "ac elements": "of the ac elements",
 }  # of a leftover, as words; the others are words already
 
+# what a sensor's gain may be as well: everything then moves as if it were off
+_OTHERWISE = {
+    "T_inductor_C": ", or a winding is cooled otherwise",
+    "T_transformer_C": ", or a winding is cooled otherwise",
+    "V2_V": ", or the model's turns ratio",
+}
 CONDITIONS = ("V1_V", "V2_V", "T_ambient_C")  # of a bench: places where nobody read them
 
 VERDICTS = {
@@ -157,19 +163,23 @@ def _with_values(diagnosis: Mapping[str, Any]) -> str:
 
 
 def sensor_text(diagnosis: Mapping[str, Any]) -> str:
-    """What is off where no cause explains a sensor's readings; empty where it is no sensor.
+    """Which sensor is off where no cause explains its readings, or what else it may be; empty where it is no sensor.
 
     >>> current = {"column": "I_L_rms_A", "kind": "gain", "value": 0.0291, "unit": "1"}
     >>> sensor_text({"unknown": {"sensor": current}})
-    'rms link current reads 2.91 % high'
+    'a sensor is off: rms link current reads 2.91 % high'
     >>> heatsink = {"column": "T_heatsink_C", "kind": "offset", "value": -5.96, "unit": "degC"}
     >>> sensor_text({"unknown": {"sensor": heatsink}})
-    'heatsink reads 5.96 K low'
+    'a sensor is off: heatsink reads 5.96 K low'
+    >>> winding = {"column": "T_inductor_C", "kind": "gain", "value": 0.3, "unit": "1"}
+    >>> sensor_text({"unknown": {"sensor": winding}})
+    'a sensor is off, or a winding is cooled otherwise: inductor winding reads 30 % high'
     """
     sensor = (diagnosis.get("unknown") or {}).get("sensor")
     if not sensor:
         return ""
-    return _reads(sensor)
+    otherwise = _OTHERWISE.get(sensor["column"], "") if sensor["kind"] == "gain" else ""
+    return f"a sensor is off{otherwise}: {_reads(sensor)}"
 
 
 def _reads(sensor: Mapping[str, Any]) -> str:
@@ -202,7 +212,7 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     if unknown.get("probability", 0.0) < 0.01:
         return ""
     if sensor := sensor_text(diagnosis):
-        return f"{probability_text(unknown['probability'])} probable that a sensor is off: {sensor}"
+        return f"{probability_text(unknown['probability'])} probable that {sensor}"
     if onset := onset_text(diagnosis):
         return (
             f"{probability_text(unknown['probability'])} probable that something changed on the way: {onset}"
@@ -247,7 +257,7 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     'A sensor is off: rms link current reads 2.91 % high'
     >>> beside = {"verdict": "unknown", "unknown": {"probability": 1.0, "sensor": current}}
     >>> verdict_text(beside | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
-    'Dead time explains a part of the gap; a sensor is off: rms link current reads 2.91 % high'
+    'A sensor is off: rms link current reads 2.91 % high; dead time may be a part of it'
     >>> loose = {"effect": "link_resistance", "sets_in": True, "between_rows": [58, 59], "after_s": 10440.0}
     >>> loose["parameter"] = {"name": "resistance_Ohm", "value": 0.0606, "off": 0.0}
     >>> verdict_text({"verdict": "unknown", "unknown": {"probability": 1.0, "onset": loose}})
@@ -308,8 +318,7 @@ def _of_the_unknown(diagnosis: Mapping[str, Any]) -> str:
         told = "Something is wrong that efficiency alone does not tell"
         return f"{told}; {sure} would need loss laws that are off as well" if sure else told
     if not sure:
-        told = f"a sensor is off: {sensor}" if sensor else onset
+        told = sensor or onset
         return f"{told[0].upper()}{told[1:]}" if told else VERDICTS["unknown"]
-    explain = "explain" if len(causes) > 1 else "explains"
-    rest = f"a sensor is off: {sensor}" if sensor else onset or "no known cause explains the rest"
-    return f"{sure[0].upper()}{sure[1:]} {explain} a part of the gap; {rest}"
+    rest = sensor or onset or "no known cause explains all that is missed"
+    return f"{rest[0].upper()}{rest[1:]}; {sure} may be a part of it"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.evidence import Hypothesis, probability_of
+from models.diagnosis.leftover import IN_TIME
 from models.diagnosis.onset import Onset, is_onset
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.sensors import SensorError, sensor_error, sensor_steps
@@ -32,6 +33,7 @@ _TERMS: dict[str, Callable[[Points], Array]] = {
     "t/h": lambda p: np.asarray(p.time_s) / 3600.0,
 }
 _MOST_TERMS = 2
+_STILL = 0.1  # of a leftover: what changes by less does not change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +85,7 @@ def unexplained(
     rows, watts = observations.row[readings], shift[readings]
     formula, explained = shortest_formula(observations.points.take(rows), watts)
     return Unexplained(
-        location=best.leftover.location,
+        location=_place(best.leftover.location, watts),
         rms_W=float(np.sqrt(np.mean(watts**2))),
         formula=formula,
         explained=explained,
@@ -95,6 +97,12 @@ def unexplained(
         onset=onset.read(shift) if onset is not None and is_onset(best.leftover.location) else None,
         sensor=sensor_error(sensor_steps(observations, refinery.known), best.leftover.location, shift),
     )
+
+
+def _place(location: str, watts: Array) -> str:
+    """The place of a leftover; what is over time and stands still is only at the input."""
+    still = float(np.std(watts)) < _STILL * float(np.sqrt(np.mean(watts**2)))
+    return "input" if location == IN_TIME and still else location
 
 
 def shortest_formula(points: Points, watts: Array) -> tuple[str, float]:

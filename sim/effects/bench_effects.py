@@ -223,8 +223,9 @@ BENCH_EFFECTS: tuple[Effect, ...] = (
         parameters=(replace(_one("current_A", "A", 1.5e-3, 0.02, -0.2, 0.2), goes_by="input_range"),),
         law=0.01,
         inside_limits=True,
-        says="the analyzer's input current has a zero offset",
-        check_on_bench="zero the analyzer with the input open; read standby with the leads off",
+        says="the analyzer's input current has a zero offset, or something draws as much at the input, in standby too",
+        check_on_bench="zero the analyzer with the input open; read standby with the leads off: what only the leads "
+        "bring is a load that runs in standby too",
     ),
     AnalyzerRangeStep(
         name="analyzer_range_step",

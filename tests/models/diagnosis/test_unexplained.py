@@ -45,3 +45,19 @@ def test_beside_no_cause_noise_alone_measures_it() -> None:
     left = beside(fit_of(None, np.zeros(READINGS)))
     # rounding
     assert left.size == pytest.approx(np.sqrt(left.watts @ np.linalg.solve(MATRIX, left.watts)), rel=1e-9)
+
+
+@pytest.mark.parametrize(("drift", "place"), [(0.05, "input"), (0.5, "over time")])
+def test_what_stands_still_is_not_over_time(drift: float, place: str) -> None:
+    """A load beyond all that is searched is explained by what may change; of it the most is always there."""
+    there = refinery(60.0 * (1.0 + drift * np.linspace(-1.0, 1.0, READINGS)), [LINK], SIGMA)
+    there = replace(there, observations=replace(loads(POWER_W), value=there.observations.value))
+    free = there.geometry.leftovers.configurations[1]
+    leftover = replace(free, location="over time")
+    there = replace(
+        there, geometry=replace(there.geometry, admitted={leftover.key: there.geometry.admitted[free.key]})
+    )
+    nothing = Hypothesis(fit=fit_of(None, np.zeros(READINGS)), leftover=leftover, probability=1.0)
+    found = unexplained([nothing], there)
+    assert found is not None
+    assert found.location == place
