@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from models.summary_rows import summary_rows
+
 KINDS = ("load", "reference", "standby", "no_load")
 LOADED_KINDS = ("load", "reference")
 CORE_COLUMNS = ("D1", "D2", "P2_W", "P1_W", "efficiency")
@@ -20,7 +22,8 @@ OPTIONAL_COLUMNS = (
     *("range_U1_V", "range_I1_A", "range_U2_V", "range_I2_A", "u_P1_W", "u_P2_W", "u_efficiency"),
 )
 NUMERIC_COLUMNS = (*CORE_COLUMNS, *OPTIONAL_COLUMNS)
-KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", "kind", "settled", "quality", "lab")
+TEXT_COLUMNS = ("kind", "settled", "quality", "lab")
+KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", *TEXT_COLUMNS)
 
 GOOD = "good"
 NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
@@ -311,6 +314,11 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
             reasoned = RejectedRow(row=int(row) + 1, column=there, value=str(value), reason=reason)
             rejected.setdefault(int(row), reasoned)
 
+    read = (
+        frame[["P1_W", "P2_W"]].notna().any(axis=1)
+    )  # a row of units is no summary, though 1 may stand in it
+    for each in summary_rows(raw, NUMERIC_COLUMNS, TEXT_COLUMNS):
+        reject(read & each.rows, each.column, each.reason)
     reject(~frame["kind"].isin(KINDS), "kind", f"unknown kind; allowed are {', '.join(KINDS)}")
     if "quality" in raw:
         said = raw["quality"].astype(object)
@@ -321,8 +329,8 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
     text = raw.astype(str)  # whatever stands in unknown columns can be compared as text
     reject(text.duplicated(keep="first"), str(raw.columns[0]), "repeats an earlier row in every column")
     if "time_s" in raw:
-        read = text[[column for column in text if column in (*NUMERIC_COLUMNS, "kind")]]
-        again = read.duplicated(keep="first") & frame["time_s"].notna()
+        readings = text[[column for column in text if column in (*NUMERIC_COLUMNS, "kind")]]
+        again = readings.duplicated(keep="first") & frame["time_s"].notna()
         reject(again, "time_s", "repeats an earlier row: every reading, and when it was taken")
     return tuple(rejected[row] for row in sorted(rejected))
 
