@@ -6,25 +6,20 @@ Numbers stay text, so that what does not parse can be shown as it stands there; 
 import csv
 import io
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
+from models.number_forms import AmbiguousNumberError, in_one_form
+
 SEPARATORS = ",;\t"
 _SEPARATED = (
     "columns are separated by ',' with '.' as decimal sign, or by ';' or tab with either decimal sign"
 )
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*%)?")
-# thousands apart: 1 406,8 or 1'406.8
-_IN_SPACES = re.compile(r"[+-]?[1-9]\d{0,2}([\s'\u2019]\d{3})+([.,]\d*)?")
-_IN_POINTS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+,\d*")  # 1.406,8
-_IN_COMMAS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")  # 1,406.8, and 1,406 beside it
-_DECIMAL_POINT = re.compile(r"[+-]?[\d,]*\.\d*([eE][+-]?\d+)?(\s*%)?")  # not a date, 20.11.2026
 _COMMENT = ("#", "sep=")  # what some spreadsheets write ahead of the header is none of the table
 _RUNS_ON = 5  # lines: no value of a measurement is so long
-_MINUS = "\N{MINUS SIGN}"  # what word processors and some locales write before a number
 _WORKBOOK = b"PK\x03\x04"
 
 
@@ -45,14 +40,14 @@ def read_csv(path: Path, numeric: Collection[str]) -> CsvTable:
     """Read a table; columns named in ``numeric`` stay text, others become what all their values are.
 
     Empty lines, and lines before the header that begin with ``#`` or ``sep=``, are no rows. The separator is the one
-    that cuts the header into most columns, the comma of equals. A comma in a numeric column is the decimal sign, unless
-    some number there has a point. Thousands may stand apart: by spaces, apostrophes, or the sign that is not the
-    decimal one.
+    that cuts the header into most columns, the comma of equals. Numbers may have either decimal sign, and their
+    thousands apart (:mod:`models.number_forms`).
 
     Raises
     ------
     CsvError
-        The file is no text, a quotation mark is not closed, or a line has more values than the header has columns.
+        The file is no text, a quotation mark is not closed, a line has more values than the header has columns, or a
+        number may be two.
     """
     text = _decoded(path)
     begin, header_line = _beginning(text)
@@ -67,7 +62,7 @@ def read_csv(path: Path, numeric: Collection[str]) -> CsvTable:
         rows.append([value or None for value in values] + [None] * (len(header) - len(values)))
         places.append(place)
     frame = _named(pd.DataFrame(rows, columns=header, dtype=object))
-    _convert(frame, numeric)
+    _convert(frame, numeric, places)
     notes = []
     if short:
         count = f"{len(short)} of {len(rows)} lines have" if len(short) > 1 else "a line has"
@@ -154,41 +149,15 @@ def _named(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.iloc[:, [place for place in range(len(names)) if place not in empty]].copy()
 
 
-def _convert(frame: pd.DataFrame, numeric: Collection[str]) -> None:
+def _convert(frame: pd.DataFrame, numeric: Collection[str], lines: Sequence[int]) -> None:
     """Make numbers what reads as such, in columns that are there once."""
     once = [column for column in frame.columns if list(frame.columns).count(column) == 1]
-    numbers = [column for column in once if column in numeric]
-    for column in numbers:
-        frame[column] = [
-            _joined(v.replace(_MINUS, "-")) if isinstance(v, str) else None for v in frame[column]
-        ]
-    found = [value for column in numbers for value in frame[column].dropna()]
-    points = any(_DECIMAL_POINT.fullmatch(value) for value in found)
-    grouped = points and any("." in value and _IN_COMMAS.fullmatch(value) for value in found)
-    for column in numbers:
-        if grouped:
-            frame[column] = _rewritten(frame[column], _IN_COMMAS, "")
-        elif not points:
-            frame[column] = _rewritten(frame[column], _DECIMAL_COMMA, ".")
+    try:
+        read = in_one_form({column: frame[column] for column in once if column in numeric}, lines)
+    except AmbiguousNumberError as error:
+        raise CsvError(str(error)) from error
     for column in once:
-        if column not in numeric:
-            frame[column] = _inferred(frame[column])
-
-
-def _joined(value: str) -> str:
-    """A number whose thousands stand apart by what is no decimal sign, in one piece.
-
-    >>> _joined("1 406,82"), _joined("1'406.82"), _joined("1.406,82"), _joined("29.03.2026")
-    ('1406,82', '1406.82', '1406,82', '29.03.2026')
-    """
-    if _IN_SPACES.fullmatch(value):
-        return re.sub(r"[\s'\u2019]", "", value)
-    return value.replace(".", "") if _IN_POINTS.fullmatch(value) else value
-
-
-def _rewritten(column: Iterable[str | None], form: re.Pattern[str], comma: str) -> list[str | None]:
-    """The column, with something else for the commas of numbers of that form."""
-    return [v.replace(",", comma) if isinstance(v, str) and form.fullmatch(v) else v for v in column]
+        frame[column] = read[column] if column in read else _inferred(frame[column])
 
 
 def _inferred(column: pd.Series) -> pd.Series:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from models.number_forms import NO_DATA
 from models.summary_rows import summary_rows
 
 KINDS = ("load", "reference", "standby", "no_load")
@@ -26,7 +27,6 @@ TEXT_COLUMNS = ("kind", "settled", "quality", "lab")
 KNOWN_COLUMNS = (*NUMERIC_COLUMNS, "point", "repeat", *TEXT_COLUMNS)
 
 GOOD = "good"
-NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
 KILOWATT_LIMIT = 10.0  # W: 0.2 to 2 is a power in kW, but a small converter has light loads there
 _KILO_APART = 200.0  # between the largest load and the smallest: more is a unit's thousand
 ABSOLUTE_ZERO_C = -273.15

@@ -89,8 +89,9 @@ def _numbers(cells: pd.Series) -> Rows:
 
 def _words(cells: pd.Series) -> Rows:
     """Text that is neither a number nor what stands for none."""
-    none = np.array([_NO_READING.fullmatch(cell) is not None for cell in cells], dtype=bool)
-    return np.logical_not(_numbers(cells) | none)
+    return np.array(
+        [not (_A_NUMBER.match(cell) or _NO_READING.fullmatch(cell)) for cell in cells], dtype=bool
+    )
 
 
 def _known(cells: pd.Series) -> Rows:

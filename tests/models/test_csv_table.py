@@ -38,13 +38,6 @@ def test_a_line_with_values_missing_is_told(tmp_path):
     assert "(line 3: 4 of 5)" in note
 
 
-def test_a_comma_beside_points_is_no_decimal_sign(tmp_path):
-    """1,224 is a thousand and more, or little more than one: it is left out rather than guessed."""
-    (tmp_path / "m.csv").write_text("D1;D2;P2_W;P1_W\n0.8;0.2;600;612\n0.8;0.2;1,200;1,224\n")
-    result = load_measurements(tmp_path / "m.csv")
-    assert [(row.row, row.column, row.value) for row in result.rejected] == [(2, "P2_W", "1,200")]
-
-
 @pytest.mark.parametrize(
     "rows",
     [
