@@ -9,16 +9,34 @@ from dataclasses import dataclass
 import pandas as pd
 
 from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS, as_number
+from models.temperature_units import PREFIX, in_degC, unit_of_temperature, without_unit
 
 _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "ms": 1e-3,
             "min": 60.0, "h": 3600.0}  # fmt: skip
 _IN_HALF_PERIODS = {"deg": 1 / 180, "°": 1 / 180, "degrees": 1 / 180, "Grad": 1 / 180, "rad": 1 / math.pi}
 _DUTIES = ("D0", "D1", "D2")
-_UNITS = {*_IN_OURS, *_IN_HALF_PERIODS, "W", "V", "A", "s", "Hz", "kHz", "°C", "degC", "1", "-"}
+_UNITS = {
+    *_IN_OURS,
+    *_IN_HALF_PERIODS,
+    "W",
+    "V",
+    "A",
+    "s",
+    "Hz",
+    "kHz",
+    "°C",
+    "degC",
+    "°F",
+    "degF",
+    "F",
+    "K",
+    "1",
+    "-",
+}
 _OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
 _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a stroke or an underscore
     r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|"
-    r"[ _/:]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°C)\s*$"
+    r"[ _/:]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°[CF]|deg[CF]|K|F)\s*$"
 )
 _EXCHANGED = re.compile(r"\b(?P<ours>P1_W|P2_W)=(?P<other>P1_W|P2_W)(?!\*)")
 # what other people's tables call it, without the unit and in lower case
@@ -50,15 +68,17 @@ class OtherNameError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherName:
-    """A column of the measurement table is ``factor`` times the one that the table calls ``theirs``."""
+    """A column of the measurement table is ``factor`` times the one that the table calls ``theirs``; of a temperature
+    the one in ``unit``."""
 
     ours: str
     theirs: str
     factor: float = 1.0
+    unit: str | None = None
 
     @classmethod
     def parse(cls, text: str) -> "OtherName":
-        """From ``OURS=THEIRS`` or ``OURS=THEIRS*FACTOR``.
+        """From ``OURS=THEIRS``, ``OURS=THEIRS*FACTOR`` or, of a temperature, ``OURS=THEIRS in UNIT``.
 
         Raises
         ------
@@ -66,16 +86,19 @@ class OtherName:
             Not of that form, a column that the measurement table does not have, or a factor that is none.
         """
         ours, equals, rest = (part.strip() for part in text.partition("="))
-        theirs, times, factor = (part.strip() for part in rest.rpartition("*"))
-        if not times:
-            theirs, factor = rest, "1"
+        named, unit = without_unit(rest) if ours.startswith(PREFIX) else (rest, None)
+        theirs, times, factor = (part.strip() for part in named.rpartition("*"))
+        if unit or not times:
+            theirs, factor = named, "1"
         if not (ours and equals and theirs):
-            raise OtherNameError(f"{text!r}: allowed is OURS=THEIRS or OURS=THEIRS*FACTOR")
+            raise OtherNameError(
+                f"{text!r}: allowed is OURS=THEIRS, OURS=THEIRS*FACTOR, or of a temperature OURS=THEIRS in degF or in K"
+            )
         if ours not in KNOWN_COLUMNS:
             raise OtherNameError(
                 f"{text!r}: {ours!r} is no column of the measurement table; they are: {', '.join(KNOWN_COLUMNS)}"
             )
-        return cls(ours=ours, theirs=theirs, factor=_factor(text, factor, ours))
+        return cls(ours=ours, theirs=theirs, factor=_factor(text, factor, ours), unit=unit)
 
     def as_option(self) -> str:
         """As it was given to d2ea import.
@@ -83,8 +106,21 @@ class OtherName:
         >>> OtherName.parse("P1_W=Pin (kW)*1000").as_option()
         '--column "P1_W=Pin (kW)*1000"'
         """
-        times = f"*{self.factor:g}" if self.factor != 1.0 or "*" in self.theirs else ""
-        return f'--column "{self.ours}={self.theirs}{times}"'
+        return f'--column "{self.ours}={self.source()}"'
+
+    def source(self) -> str:
+        """Their column with what is behind it, so that it is read as it stands here."""
+        if self.ours.startswith(PREFIX) and (self.unit or without_unit(self.theirs)[1]):
+            return f"{self.theirs} in {self.unit or 'degC'}"
+        return f"{self.theirs}*{self.factor:g}" if self.factor != 1.0 or "*" in self.theirs else self.theirs
+
+    def converted(self, given: pd.Series) -> pd.Series:
+        """Their values in our unit; what is no number stays as it is."""
+        if self.factor == 1.0 and self.unit is None:
+            return given
+        number = as_number(given)
+        ours = in_degC(number, self.unit) if self.unit else number * self.factor
+        return ours.astype(object).where(number.notna(), given)
 
 
 def _factor(text: str, factor: str, ours: str) -> float:
@@ -116,11 +152,7 @@ def renamed(raw: pd.DataFrame, names: Sequence[OtherName]) -> pd.DataFrame:
             raise OtherNameError(f"there is no column {name.theirs!r}; there are: {there}")
         if name.ours in frame.columns:
             raise OtherNameError(f"column {name.ours!r} is there already, beside {name.theirs!r}")
-        values = raw[name.theirs]
-        if name.factor != 1.0:
-            number = as_number(values)
-            values = (number * name.factor).astype(object).where(number.notna(), values)
-        frame = frame.assign(**{name.ours: values})
+        frame = frame.assign(**{name.ours: name.converted(raw[name.theirs])})
     return frame
 
 
@@ -141,6 +173,7 @@ def converting(said: str, names: Sequence[OtherName]) -> str:
         if option:
             typed = f'"{name.ours}={name.theirs}*{name.factor * float(option[1]):g}"'
             said = said.replace(option[0], typed)
+        said = said.replace(f"{name.ours}={name.ours} in ", f"{name.ours}={name.theirs} in ")
     return said
 
 
@@ -149,8 +182,7 @@ def _of_another(pair: re.Match[str], names: Sequence[OtherName]) -> str:
     name = next((name for name in names if name.ours == pair["other"]), None)
     if name is None:
         return pair[0]
-    times = "" if name.factor == 1.0 else f"*{name.factor:g}"
-    return f'"{pair["ours"]}={name.theirs}{times}"'
+    return f'"{pair["ours"]}={name.source()}"'
 
 
 def meant(required: Sequence[str], optional: Sequence[str], there: Sequence[str]) -> dict[str, str]:
@@ -213,9 +245,14 @@ def as_option(ours: str, theirs: str, below: str | None = None) -> str:
     '--column "efficiency=ETA1*0.01"'
     >>> as_option("D2", "phase [deg]")
     '--column "D2=phase [deg]*0.00555556"'
+    >>> as_option("T_heatsink_C", "T_hs/°F")
+    '--column "T_heatsink_C=T_hs/°F in degF"'
     """
+    unit = unit_in(theirs) or below
+    if ours.startswith(PREFIX):
+        return OtherName(ours=ours, theirs=theirs, unit=unit_of_temperature(unit)).as_option()
     known = _IN_OURS | (_IN_HALF_PERIODS if ours in _DUTIES else {})
-    factor = known.get(unit_in(theirs) or below or "", 1.0)
+    factor = known.get(unit or "", 1.0)
     return OtherName(ours=ours, theirs=theirs, factor=factor).as_option()
 
 

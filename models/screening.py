@@ -13,6 +13,7 @@ import pandas as pd
 
 from models.number_forms import NO_DATA
 from models.summary_rows import summary_rows
+from models.temperature_units import ROOM, said_of_units
 
 KINDS = ("load", "reference", "standby", "no_load")
 LOADED_KINDS = ("load", "reference")
@@ -30,7 +31,7 @@ GOOD = "good"
 KILOWATT_LIMIT = 10.0  # W: 0.2 to 2 is a power in kW, but a small converter has light loads there
 _KILO_APART = 200.0  # between the largest load and the smallest: more is a unit's thousand
 ABSOLUTE_ZERO_C = -273.15
-ROOM, ROOM_C = "T_ambient_C", (-40.0, 85.0)
+ROOM_C = (-40.0, 85.0)
 LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
 MOST_APART_S = 86_400.0  # between rows of a campaign: more are milliseconds
 LEAST_APART_S = 0.1  # of settled readings that last: less are minutes, hours or a spreadsheet's days
@@ -158,6 +159,7 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
         if column in raw and column in OPTIONAL_COLUMNS:
             notes += _blank(frame, raw, column)
     notes += [note for port in ("1", "2") for note in _check_current(frame, port)]
+    notes += said_of_units(frame[[column for column in OPTIONAL_COLUMNS if column in raw]])
     notes += [*_not_read(frame, raw, "P1_W", "efficiency"), *_not_read(frame, raw, "efficiency", "P1_W")]
     kind = raw["kind"] if "kind" in raw else pd.Series("load", index=raw.index)
     frame["kind"] = kinds(kind)

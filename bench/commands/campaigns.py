@@ -204,7 +204,8 @@ def import_(
         typer.Option(
             "--column",
             metavar="OURS=THEIRS[*FACTOR]",
-            help="a column under another name or in another unit: P1_W='Pin (kW)*1000'; may be repeated",
+            help="a column under another name or in another unit: P1_W='Pin (kW)*1000', of temperatures "
+            "T_heatsink_C='T_hs in degF' or 'in K'; may be repeated",
         ),
     ] = None,
     virtual: Annotated[

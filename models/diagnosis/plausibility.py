@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from models.diagnosis.observations import Observations
 from models.screening import ROOM_C
+from models.temperature_units import HOTTEST_C, WARM_ROOM_C, conversion
 from sim.model import Model
 from sim.operating_points import Points
 from sim.parameters import Converter
@@ -21,13 +22,11 @@ Array = NDArray[np.float64]
 
 _HELD = 1.25  # of a nominal voltage: the supply and the controller hold them
 _MOST_OFF = 3.0  # of what the simulation expects: more is another unit
-_WARM_ROOM_C = 45.0  # above it, a room may be one of 7 to 85 degC told in degrees Fahrenheit
 _COLDER_K = 3.0  # than the room: more than two sensors disagree by
 _FAR_NEARER = 0.25  # of the distance to what is expected: a part is hardly ever so far off
 # kelvin of rise are as many degrees Fahrenheit; half of what would be an error of that size
 _FAHRENHEIT = (1.8, 0.3)
 _TURNED = 0.3  # of what is expected: no effect makes that of a sign
-_HOTTEST_C = 200.0  # of parts that last: above, and in a cold room in kelvin anyway
 _STUCK = 1e-9  # relative: not even the last digit moves
 _MOVES = 5.0  # noise floors that a channel should move over the campaign before it is called stuck
 _ENOUGH = 6  # readings to judge a column by
@@ -94,7 +93,8 @@ def check_inputs(observations: Observations, converter: Converter) -> None:
     ambient = float(np.median(np.asarray(observations.points.ambient_C)[loaded]))
     if not ROOM_C[0] <= ambient <= ROOM_C[1]:
         raise ImplausibleTable(
-            f"T_ambient_C: median {ambient:g}; {ROOM_C[0]:g} to {ROOM_C[1]:g} degC is allowed. Is it in kelvin?"
+            f"T_ambient_C: median {ambient:g}; {ROOM_C[0]:g} to {ROOM_C[1]:g} degC is allowed. Is it in kelvin? "
+            + conversion("T_ambient_C", "K")
         )
     _refuse_a_room_that_nothing_confirms(observations, ambient)
 
@@ -105,11 +105,11 @@ def _refuse_a_room_that_nothing_confirms(observations: Observations, ambient_C: 
     if "T_ambient_C" not in frame:
         return
     parts = [c.column for c in observations.channels if c.column.startswith("T_")]
-    if not parts and ambient_C > _WARM_ROOM_C:
+    if not parts and ambient_C > WARM_ROOM_C:
         raise ImplausibleTable(
             f"T_ambient_C: median {ambient_C:g}, and no temperature of a part beside it; "
-            f"alone, up to {_WARM_ROOM_C:g} degC is believed. Is it in degrees Fahrenheit? Leave it out, or add "
-            "T_heatsink_C"
+            f"alone, up to {WARM_ROOM_C:g} degC is believed. Is it in degrees Fahrenheit? "
+            f"{conversion('T_ambient_C', 'degF')}. Leave it out, or add T_heatsink_C"
         )
     for name in parts:
         colder_K = -float((frame[name] - frame["T_ambient_C"]).median())
@@ -225,13 +225,13 @@ def implausible(
 def _refuse_fahrenheit(c: _Column) -> None:
     """Every prediction stands on the room's temperature: a wrong one is not left out but refused."""
     room_C = float(np.median(c.ambient_C))
-    if not c.name.startswith("T_") or room_C < _WARM_ROOM_C:
+    if not c.name.startswith("T_") or room_C < WARM_ROOM_C:
         return
     ratio = float(np.median((c.measured - c.ambient_C) / (c.expected - c.ambient_C)))
     if abs(ratio - _FAHRENHEIT[0]) < _FAHRENHEIT[1]:
         raise ImplausibleTable(
             f"T_ambient_C, {c.name}: a room of {room_C:g}, and a rise {ratio:.2f} times what the model expects: this "
-            "looks like degrees Fahrenheit; temperatures are in degC"
+            f"looks like degrees Fahrenheit; {conversion(c.name, 'degF')}, and T_ambient_C alike"
         )
 
 
@@ -244,11 +244,11 @@ def _stuck(c: _Column) -> str | None:
 
 def _other_unit(c: _Column) -> str | None:
     if c.name.startswith("T_"):
-        if float(np.median(c.measured)) > _HOTTEST_C:
-            return f"above {_HOTTEST_C:g} degC in most rows: this looks like kelvin; temperatures are in degC"
+        if float(np.median(c.measured)) > HOTTEST_C:
+            return f"above {HOTTEST_C:g} degC in most rows: this looks like kelvin; {conversion(c.name, 'K')}"
         in_fahrenheit = np.median(np.abs(c.measured - (1.8 * c.expected + 32.0)))
         if in_fahrenheit < _FAR_NEARER * np.median(np.abs(c.measured - c.expected)):
-            return "is far nearer to what is expected in degrees Fahrenheit; temperatures are in degC"
+            return f"is far nearer to what is expected in degrees Fahrenheit; {conversion(c.name, 'degF')}"
         return None
     if c.name == "D0" and (wrapped := _wrapped(c)) is not None:
         return wrapped
