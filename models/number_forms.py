@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 import pandas as pd
 
 NO_DATA = 9.0e37  # an analyzer's binary codes for no data (9.91E+37) and overrange (9.9E+37) are finite
@@ -223,3 +224,11 @@ def _read(cell: str, sign: str | None) -> str:
     if _BOTH[sign].fullmatch(number) or _GROUPED[other].fullmatch(number):
         cell, number = cell.replace(other, ""), number.replace(other, "")
     return cell.replace(sign, _POINT) if sign == _COMMA and _DECIMAL[sign].fullmatch(number) else cell
+
+
+def as_number(given: pd.Series) -> pd.Series:
+    """A column as float64, NaN where there is no number; a sign of per cent behind a number is none of its own."""
+    if given.dtype == object or pd.api.types.is_string_dtype(given):
+        given = given.astype(object).where(given.notna(), None)
+        given = given.map(lambda said: said.strip().removesuffix("%") if isinstance(said, str) else said)
+    return pd.to_numeric(given, errors="coerce").astype(np.float64)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS, as_number
+from models.number_forms import as_number
+from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS
 from models.temperature_units import PREFIX, in_degC, unit_of_temperature, without_unit
 
 _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "ms": 1e-3,

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from models.number_forms import NO_DATA
+from models.number_forms import NO_DATA, as_number
+from models.row_times import counted_from_the_start
 from models.summary_rows import summary_rows
 from models.temperature_units import ROOM, said_of_units
 
@@ -32,10 +33,6 @@ KILOWATT_LIMIT = 10.0  # W: 0.2 to 2 is a power in kW, but a small converter has
 _KILO_APART = 200.0  # between the largest load and the smallest: more is a unit's thousand
 ABSOLUTE_ZERO_C = -273.15
 ROOM_C = (-40.0, 85.0)
-LONGEST_S = 1e8  # three years: a campaign that begins later counts its time from elsewhere
-MOST_APART_S = 86_400.0  # between rows of a campaign: more are milliseconds
-LEAST_APART_S = 0.1  # of settled readings that last: less are minutes, hours or a spreadsheet's days
-TIMES_OF_DAY = ("2026-11-20T22:14:05", "20.11.2026 22:14:05", "22:14:05")
 # of the power, in the median row: ten times what analyzers specify for a dc voltage and a current together
 _MAKE_UP = 0.01
 _NOT_AMPERES = 1.5  # times: more than any ripple or error of an instrument, and less than any other unit
@@ -150,7 +147,7 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
     frame = raw.copy()
     notes: list[str] = []
     if "time_s" in raw:
-        raw, notes = _counted_from_the_start(raw)
+        raw, notes = counted_from_the_start(raw)
     for column in NUMERIC_COLUMNS:
         if column in raw:
             frame[column] = as_number(raw[column])
@@ -164,14 +161,6 @@ def numbers(raw: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
     kind = raw["kind"] if "kind" in raw else pd.Series("load", index=raw.index)
     frame["kind"] = kinds(kind)
     return frame, tuple(notes)
-
-
-def as_number(given: pd.Series) -> pd.Series:
-    """A column as float64, NaN where there is no number; a sign of per cent behind a number is none of its own."""
-    if given.dtype == object or pd.api.types.is_string_dtype(given):
-        given = given.astype(object).where(given.notna(), None)
-        given = given.map(lambda said: said.strip().removesuffix("%") if isinstance(said, str) else said)
-    return pd.to_numeric(given, errors="coerce").astype(np.float64)
 
 
 def _not_read(frame: pd.DataFrame, raw: pd.DataFrame, column: str, other: str) -> list[str]:
@@ -192,64 +181,6 @@ def kinds(given: pd.Series) -> pd.Series:
     """Kinds of rows as they are named here, from ``No load`` or ``no-load`` too; load where nothing is said."""
     said = given.astype(object).where(given.notna(), "load").astype(str).str.strip()
     return said.str.lower().str.replace(r"[\s-]+", "_", regex=True)
-
-
-def _counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The table with times of day, or seconds of a clock, as seconds since its earliest row."""
-    given, what = as_number(raw["time_s"]), "the seconds of a clock"
-    if pd.api.types.infer_dtype(raw["time_s"]) in ("datetime64", "datetime"):
-        given = given.mask(given.notna())  # nanoseconds of a calendar
-    if given.isna().all() and raw["time_s"].notna().any():
-        times = _times_of_day(raw["time_s"])
-        given, what = (times - times.min()).dt.total_seconds(), "times of day"
-        if given.isna().all():
-            return raw, [f"time_s: allowed are seconds, or times of day like {', '.join(TIMES_OF_DAY)}"]
-    elif (wrong := _no_seconds(given)) is not None:
-        return raw.assign(time_s=np.nan), [wrong]
-    elif not (given.min() < 0 or given.min() > LONGEST_S):
-        return raw, []
-    said = f"time_s: {what} (the first row's is {raw['time_s'].iloc[0]}), taken as seconds since the earliest"
-    return raw.assign(time_s=(given - given.min()).where(given.notna(), raw["time_s"])), [said]
-
-
-def _no_seconds(given: pd.Series) -> str | None:
-    """Why times (N,) cannot be seconds; None where they may be: rows of a campaign follow each other within a day."""
-    moments = np.unique(given.dropna())
-    if moments.size < 2:
-        one = f"reads {moments[0]:g} in all rows" if moments.size and len(given) > 1 else ""
-        return f"time_s: {one}: time does not go on, so it is left empty" if one else None
-    apart_s = float(np.median(np.diff(moments)))
-    if LEAST_APART_S <= apart_s < MOST_APART_S:
-        return None
-    apart = f"time_s: rows are {float(f'{apart_s:.3g}'):g} s apart (median)"
-    if apart_s < LEAST_APART_S:
-        return (
-            f"{apart}, less than any reading takes to settle, so it is left empty; if these are hours, "
-            f"{_in_factor('time_s', '3600')}; if a spreadsheet's days, *86400 does"
-        )
-    return f"{apart}, more than a day, so it is left empty; if these are milliseconds, {_in_factor('time_s', '0.001')}"
-
-
-def _times_of_day(given: pd.Series) -> pd.Series:
-    """Times from text: ISO 8601, or where that reads none of them, day, month and year with points between them."""
-    if (hours := _hours_of_a_day(given)).notna().any():
-        return hours
-    times = pd.to_datetime(given, errors="coerce", utc=True, format="ISO8601")
-    for form in ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M"):
-        times = (
-            times if times.notna().any() else pd.to_datetime(given, errors="coerce", utc=True, format=form)
-        )
-    return times
-
-
-def _hours_of_a_day(given: pd.Series) -> pd.Series:
-    """Times without a date, such as 22:14:05, as those of one day, and of the next ones after each midnight."""
-    said = given.astype(str)  # what is a date already would be read by any format
-    times = pd.to_datetime(said, errors="coerce", utc=True, format="%H:%M:%S.%f")
-    times = times.fillna(pd.to_datetime(said, errors="coerce", utc=True, format="%H:%M:%S"))
-    # rows out of order lie closer, midnight lies farther
-    back = times.ffill().diff() < -pd.Timedelta(hours=12)
-    return times + pd.to_timedelta(back.cumsum(), unit="D")
 
 
 def _blank(frame: pd.DataFrame, raw: pd.DataFrame, column: str) -> list[str]:
