@@ -7,7 +7,7 @@ out and listed (:mod:`models.screening`); columns that are not known here are ke
 
 import csv
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,13 +21,13 @@ from models.screening import (
     KNOWN_COLUMNS,
     LOADED_KINDS,
     NUMERIC_COLUMNS,
-    OPTIONAL_COLUMNS,
     RejectedRow,
     complete,
     kinds,
     numbers,
     screen,
 )
+from models.suggested_command import guessed, in_other_units, or_efficiency, suggested
 from models.switching_frequency import stated_frequencies
 
 SET_POINT = ("D1", "D2", "P2_W")
@@ -95,7 +95,8 @@ def load_measurements(source: Path | pd.DataFrame, names: Sequence[OtherName] = 
         rejected=rejected,
         notes=(
             *read.notes,
-            *_unknown(frame, [str(column) for column in raw.columns]),
+            *_unknown(frame, raw),
+            *_units(raw, names),
             *(converting(note, names) for note in notes),
         ),
     )
@@ -114,16 +115,25 @@ def _why_none(rejected: Sequence[RejectedRow]) -> str:
     return f"none of {len(rejected)} rows can be used; {first}{alike}{beside}"
 
 
-def _unknown(frame: pd.DataFrame, there: Sequence[str]) -> tuple[str, ...]:
-    """That columns are not known, and which of those known but not ``there`` some of them seem to be."""
+def _unknown(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[str, ...]:
+    """That columns are not known, and which of those known but not in the table some of them seem to be."""
     stated = {each.column for each in stated_frequencies(frame, range(1, len(frame) + 1)) if each.sure}
     unknown = [str(column) for column in frame.columns if column not in (*KNOWN_COLUMNS, *stated)]
     if not unknown:
         return ()
-    near = meant((), [column for column in KNOWN_COLUMNS if column not in there], unknown)
-    options = " ".join(as_option(ours, theirs) for ours, theirs in near.items())
+    near = meant((), [column for column in KNOWN_COLUMNS if column not in raw], unknown)
+    units = units_below(raw)
+    options = " ".join(as_option(ours, theirs, units.get(theirs)) for ours, theirs in near.items())
     asked = f"; d2ea import {options} would take what seems to be known under another name" if near else ""
     return (f"unknown columns, kept and ignored: {', '.join(unknown)}{asked}",)
+
+
+def _units(raw: pd.DataFrame, names: Sequence[OtherName]) -> tuple[str, ...]:
+    """That a row below the header says other units than ours, and what converts them."""
+    options = in_other_units(raw, names)
+    return (
+        (f"a row of units has others than ours; d2ea import {' '.join(options)} converts",) if options else ()
+    )
 
 
 def _whole(frame: pd.DataFrame) -> CsvTable:
@@ -170,31 +180,13 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str, names: Sequence
         missing.append("P1_W")
     if not missing:
         return
-    foreign = [column for column in there if column not in KNOWN_COLUMNS]
-    either = [column for column in ("P1_W", "efficiency") if "P1_W" in missing]
-    wanted = [column for column in missing if column != "P1_W"]
-    others = ("P1_W", "efficiency", "kind", *OPTIONAL_COLUMNS)
-    optional = [column for column in others if column not in there and column not in either]
-    near = meant(wanted, [*either, *optional], foreign)
-    if either and not any(column in near for column in either):
-        near |= meant(either[:1], (), [column for column in foreign if column not in near.values()])
+    near = guessed(missing, there)
     said = "; ".join(
         f"required column {'P1_W or efficiency' if column == 'P1_W' else column} is missing"
-        + (f" (is {theirs!r} meant?)" if (theirs := near.get(column) or _or_efficiency(column, near)) else "")
+        + (f" (is {theirs!r} meant?)" if (theirs := or_efficiency(column, near)) else "")
         for column in missing
     )
     required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there)}"
-    if foreign and len(there) > 1:
-        units = units_below(raw)
-        options = [each.as_option() for each in names]
-        options += [as_option(ours, theirs, units.get(theirs)) for ours, theirs in near.items()]
-        unguessed = [c for c in missing if c not in near and not _or_efficiency(c, near)]
-        example = " ".join([*options, *(f"--column {column}=THEIRS*FACTOR" for column in unguessed)])
-        file = "" if name == _NO_FILE else f'"{name}" '
-        required += f"; other names and units are taken by\nd2ea import {file}{example}"
+    if len(there) > 1 and not set(there) <= set(KNOWN_COLUMNS):
+        required += suggested(None if name == _NO_FILE else name, raw, names, missing, near)
     raise DatasetError("; ".join([f"{name}: {said}", *read.notes, required]))
-
-
-def _or_efficiency(column: str, near: Mapping[str, str]) -> str | None:
-    """Efficiency will do where input power is missing."""
-    return near.get("efficiency") if column == "P1_W" else None

@@ -3,6 +3,7 @@
 import difflib
 import math
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -42,24 +43,43 @@ _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a 
 _EXCHANGED = re.compile(r"\b(?P<ours>P1_W|P2_W)=(?P<other>P1_W|P2_W)(?!\*)")
 # what other people's tables call it, without the unit and in lower case
 _ALSO_CALLED = {
-    "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad"),
-    "D2": ("inner_phase_shift", "innere_phase"),
-    "P1_W": ("pin", "p_in", "input_power", "power_in", "eingangsleistung", "p_ein"),
-    "P2_W": ("pout", "p_out", "output_power", "power_out", "ausgangsleistung", "p_aus", "load", "load_power"),
+    "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad", "rapport_cyclique"),
+    "D2": ("inner_phase_shift", "innere_phase", "phasenversatz", "déphasage"),
+    "P1_W": (
+        "pin", "p_in", "input_power", "power_in", "eingangsleistung", "p_ein", "pein", "puissance_d'entrée",
+        "puissance_entrée", "puissance_absorbée",
+    ),
+    "P2_W": (
+        "pout", "p_out", "output_power", "power_out", "ausgangsleistung", "p_aus", "paus", "load", "load_power",
+        "puissance_de_sortie", "puissance_sortie", "puissance_utile",
+    ),
     # analyzers number theirs
-    "efficiency": ("eta", "η", "eff", "wirkungsgrad", "eta1", "eta_1", "η1", "eff1"),
-    "time_s": ("timestamp", "zeit", "zeitstempel"),
-    "V1_V": ("u1", "vin", "v_in", "uin", "u_in", "input_voltage", "eingangsspannung", "u_ein"),
-    "V2_V": ("u2", "vout", "v_out", "uout", "u_out", "output_voltage", "ausgangsspannung", "u_aus"),
-    "I1_A": ("iin", "i_in", "input_current", "eingangsstrom", "i_ein"),
-    "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom", "i_aus"),
+    "efficiency": ("eta", "η", "eff", "wirkungsgrad", "eta1", "eta_1", "η1", "eff1", "rendement"),
+    "point": ("sample",),
+    # a date alone is the last choice
+    "time_s": (
+        "timestamp", "datetime", "date_time", "date/time", "elapsed_time", "elapsed", "zeit", "zeitstempel", "uhrzeit",
+        "horodatage", "temps", "heure", "t", "datum", "date",
+    ),
+    "V1_V": (
+        "u1", "vin", "v_in", "uin", "u_in", "input_voltage", "eingangsspannung", "u_ein", "uein", "tension_d'entrée",
+    ),
+    "V2_V": (
+        "u2", "vout", "v_out", "uout", "u_out", "output_voltage", "ausgangsspannung", "u_aus", "uaus",
+        "tension_de_sortie",
+    ),
+    "I1_A": ("iin", "i_in", "input_current", "eingangsstrom", "i_ein", "iein", "courant_d'entrée"),
+    "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom", "i_aus", "iaus", "courant_de_sortie"),
     "I_L_rms_A": ("irms", "i_rms", "irms_l", "rms_current", "irms_drossel", "drosselstrom"),
     "T_heatsink_C": (
-        "heatsink", "heatsink_temperature", "t_hs", "temp_hs", "temphs", "kühlkörper", "kühlkörpertemperatur",
-        "t_kühlkörper",
+        "heatsink", "heatsink_temperature", "t_hs", "temp_hs", "temphs", "theat", "t_heat", "heat_sink", "kühlkörper",
+        "kühlkörpertemperatur", "t_kühlkörper", "température_radiateur", "température_du_radiateur", "radiateur",
     ),
     "kind": ("row_kind", "art", "zeilenart"),
-    "T_ambient_C": ("ambient", "ambient_temperature", "t_umgebung", "umgebung", "umgebungstemperatur"),
+    "T_ambient_C": (
+        "ambient", "ambient_temperature", "t_amb", "tamb", "temp_amb", "t_umgebung", "umgebung", "umgebungstemperatur",
+        "température_ambiante",
+    ),
 }  # fmt: skip
 
 
@@ -207,7 +227,7 @@ def meant(required: Sequence[str], optional: Sequence[str], there: Sequence[str]
 
 
 def _same(ours: str, names: Sequence[str]) -> str | None:
-    called = (ours.lower(), _quantity(ours).lower(), *_ALSO_CALLED.get(ours, ()))
+    called = (ours.lower(), _quantity(ours).lower(), *map(_in_plain_letters, _ALSO_CALLED.get(ours, ())))
     return next((name for name in called if name in names), None)
 
 
@@ -226,11 +246,13 @@ def units_below(raw: pd.DataFrame) -> dict[str, str]:
     {'P1': 'kW', 'ETA1': '%'}
     >>> units_below(pd.DataFrame({"P1": ["[kW]", "0.6"]}))
     {'P1': 'kW'}
+    >>> units_below(pd.DataFrame({"D1": ["1"], "P1": ["kW"]}))
+    {'P1': 'kW'}
     >>> units_below(pd.DataFrame({"range": ["h"], "P1": ["0.6"]}))
     {}
     """
     first = raw.iloc[0].dropna().astype(str).str.strip() if len(raw) else pd.Series(dtype=str)
-    words = first[first.ne("")]
+    words = first[first.ne("") & first.ne("1")]  # 1 is the unit of what has none
     if pd.to_numeric(words.str.replace(",", "."), errors="coerce").notna().any():
         return {}
     units = {str(column): str(word).strip("[]() ") for column, word in words.items()}
@@ -249,12 +271,25 @@ def as_option(ours: str, theirs: str, below: str | None = None) -> str:
     >>> as_option("T_heatsink_C", "T_hs/°F")
     '--column "T_heatsink_C=T_hs/°F in degF"'
     """
-    unit = unit_in(theirs) or below
     if ours.startswith(PREFIX):
-        return OtherName(ours=ours, theirs=theirs, unit=unit_of_temperature(unit)).as_option()
+        unit = unit_of_temperature(_unit(ours, theirs, below))
+        return OtherName(ours=ours, theirs=theirs, unit=unit).as_option()
+    return OtherName(ours=ours, theirs=theirs, factor=factor_of(ours, theirs, below)).as_option()
+
+
+def factor_of(ours: str, theirs: str, below: str | None = None) -> float:
+    """What makes a column ours, by the unit in its header or ``below`` it; 1 where that is none of another.
+
+    >>> factor_of("I1_A", "Iin [mA]")
+    0.001
+    """
     known = _IN_OURS | (_IN_HALF_PERIODS if ours in _DUTIES else {})
-    factor = known.get(unit or "", 1.0)
-    return OtherName(ours=ours, theirs=theirs, factor=factor).as_option()
+    return known.get(_unit(ours, theirs, below) or "", 1.0)
+
+
+def _unit(ours: str, theirs: str, below: str | None) -> str | None:
+    """The unit in a header, else the one below it; of our own names, all of which end in theirs, the one below."""
+    return below if theirs == ours else unit_in(theirs) or below
 
 
 def _quantity(ours: str) -> str:
@@ -273,5 +308,14 @@ def unit_in(header: str) -> str | None:
 
 
 def bare(column: str) -> str:
-    """A header without its unit, in lower case, in one word."""
-    return _UNIT.sub("", column).strip().lower().replace(" ", "_")
+    """A header without its unit, in small letters without accents, in one word.
+
+    >>> bare("Température ambiante (°C)")
+    'temperature_ambiante'
+    """
+    return _in_plain_letters(_UNIT.sub("", column).strip().lower().replace(" ", "_"))
+
+
+def _in_plain_letters(word: str) -> str:
+    apart = unicodedata.normalize("NFKD", word.replace("\N{RIGHT SINGLE QUOTATION MARK}", "'"))
+    return "".join(letter for letter in apart if not unicodedata.combining(letter))

@@ -1,8 +1,8 @@
 """When the rows of a measurement table were taken: seconds since the earliest, from whatever its column ``time_s`` has.
 
 Seconds, seconds of a clock, dates and times of day are taken; what cannot be any of these is left empty, with a
-sentence that says so. A time that is not known is better than a wrong one; of single gaps a diagnosis thinks what the
-rows around them say.
+sentence that says so. A time that is not known is better than a wrong one, and single gaps are filled from the rows
+around.
 """
 
 import numpy as np
@@ -35,7 +35,8 @@ def counted_from_the_start(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     if not is_text and not (given.min() < 0 or given.min() > LONGEST_S):
         return raw, falls
     what = "times of day" if is_text else "the seconds of a clock"
-    said = f"time_s: {what} (the first row's is {column.iloc[0]}), taken as seconds since the earliest"
+    first = column[given.notna()].iloc[0]
+    said = f"time_s: {what} (the first row's is {first}), taken as seconds since the earliest"
     return raw.assign(time_s=(given - given.min()).where(given.notna(), column)), [said, *falls]
 
 
@@ -58,7 +59,8 @@ def _unread(column: pd.Series, given: pd.Series) -> str:
     """Why times of which too many are not read cannot be taken; empty where they can."""
     unread = np.flatnonzero(given.isna() & column.notna())
     there = int(column.notna().sum())
-    if unread.size <= _MOST_UNREAD * there:
+    most = max(1.0, _MOST_UNREAD * there)  # one may be a row of units
+    if not unread.size or (unread.size <= most and unread.size < there):
         return ""
     return (
         f"{unread.size} of {there} values are no times (row {unread[0] + 1}: {column.iloc[unread[0]]}), more than a "

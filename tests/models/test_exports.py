@@ -75,7 +75,9 @@ def test_options_that_were_given_stay_beside_those_that_are_needed_still(tmp_pat
     nameless = written(tmp_path, "D1,D2,abc,eta [%]\n0.8,0.2,600,98\n")
     with pytest.raises(DatasetError) as caught:
         load_measurements(nameless, given)
-    assert str(caught.value).endswith('--column "efficiency=eta [%]*0.01" --column P2_W=THEIRS*FACTOR')
+    *_, command, missing = str(caught.value).splitlines()
+    assert command.endswith('theirs.csv" --column "efficiency=eta [%]*0.01"')
+    assert missing.startswith('still missing: P2_W. Add --column "P2_W=THEIRS*FACTOR"')
 
 
 def test_powers_the_wrong_way_round_are_put_right_as_the_message_says(tmp_path: Path) -> None:
