@@ -40,7 +40,7 @@ _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a 
     r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|"
     r"[ _/:]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°[CF]|deg[CF]|K|F)\s*$"
 )
-_EXCHANGED = re.compile(r"\b(?P<ours>P1_W|P2_W)=(?P<other>P1_W|P2_W)(?!\*)")
+_EXCHANGED = re.compile(r"\b(?P<ours>[PVI][12]_[WVA])=(?P<other>(?!(?P=ours))[PVI][12]_[WVA])(?!\*)")
 # what other people's tables call it, without the unit and in lower case
 _ALSO_CALLED = {
     "D1": ("duty", "duty_1", "duty_ratio", "duty_cycle", "tastgrad", "rapport_cyclique"),

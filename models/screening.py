@@ -56,12 +56,14 @@ class RejectedRow:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that cannot be: the column to name, the reason to give, and the rows it holds for."""
+    """One thing that cannot be: the column to name, the reason to give, and the rows it holds for; ``more`` of the
+    reason goes by those rows."""
 
     column: str
     reason: str
     impossible: Callable[[pd.DataFrame], pd.Series]
     kinds: tuple[str, ...] = LOADED_KINDS
+    more: Callable[[pd.DataFrame], str] = lambda frame: ""
 
 
 def _not_finite(column: str) -> Callable[[pd.DataFrame], pd.Series]:
@@ -80,6 +82,23 @@ def _outside_unit(column: str) -> Callable[[pd.DataFrame], pd.Series]:
 
 def _in_factor(column: str, factor: str) -> str:
     return f"d2ea import --column {column}={column}*{factor} converts it"
+
+
+def _exchanged(one: str, other: str) -> str:
+    return f"--column {one}={other} --column {other}={one}"
+
+
+def _with_the_powers(frame: pd.DataFrame) -> str:
+    """Which voltages and currents are exchanged too where powers are: those whose product is the other port's power."""
+    pairs = [pair for pair in (("V1_V", "V2_V"), ("I1_A", "I2_A")) if set(pair) <= set(frame)]
+    options = " ".join(_exchanged(*pair) for pair in pairs)
+    if not pairs:
+        return ""
+    if len(pairs) == 1:
+        return f", and if {' and '.join(pairs[0])} are exchanged too, with {options}"
+    first, second = (float((frame[f"V{k}_V"] * frame[f"I{k}_A"] / frame["P1_W"]).median()) for k in (1, 2))
+    are_too = abs(first - 1.0) < abs(second - 1.0)
+    return f", with {options}: V1_V * I1_A is P1_W there, so they are exchanged too" if are_too else ""
 
 
 def _half_period(column: str) -> str:
@@ -119,7 +138,11 @@ CHECKS = (
         lambda f: f["efficiency"].between(2.0, 100.0),
     ),
     Check("efficiency", "not in (0, 1]", lambda f: (f["efficiency"] <= 0) | (f["efficiency"] > 1)),
-    Check("P1_W", "not above 0 W: a loaded point draws power", lambda f: f["P1_W"] <= 0),
+    Check(
+        "P1_W",
+        f"not above 0 W: a loaded point draws power; if it counts the other way, {_in_factor('P1_W', '-1')}",
+        lambda f: f["P1_W"] <= 0,
+    ),
     Check(
         "P1_W",
         f"P2_W is about 1000 times as much: P1_W looks like kilowatts, and {_in_factor('P1_W', '1000')}",
@@ -127,9 +150,10 @@ CHECKS = (
     ),
     Check(
         "P2_W",
-        "above P1_W: more power out than in; if the two are exchanged, "
-        "d2ea import --column P1_W=P2_W --column P2_W=P1_W puts them right",
+        "above P1_W: more power out than in; if the two are exchanged, d2ea import "
+        f"{_exchanged('P1_W', 'P2_W')} puts them right",
         lambda f: f["P2_W"] > f["P1_W"],
+        more=_with_the_powers,
     ),
     Check(
         "efficiency",
@@ -258,7 +282,8 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
         bad = said.notna() & (said.astype(str).str.strip().str.lower() != GOOD)
         reject(bad, "quality", f"the analyzer's data are not good; allowed is {GOOD!r} or nothing")
     for check in CHECKS:
-        reject(frame["kind"].isin(check.kinds) & check.impossible(frame), check.column, check.reason)
+        rows = frame["kind"].isin(check.kinds) & check.impossible(frame)
+        reject(rows, check.column, check.reason + check.more(frame[rows]))
     text = raw.astype(str)  # whatever stands in unknown columns can be compared as text
     reject(text.duplicated(keep="first"), str(raw.columns[0]), "repeats an earlier row in every column")
     if "time_s" in raw:

@@ -48,3 +48,56 @@ def test_an_efficiency_with_a_sign_of_per_cent_is_told_how_to_be_converted() -> 
 def test_a_missing_efficiency_is_called_so_where_there_is_no_input_power() -> None:
     with pytest.raises(DatasetError, match="efficiency = n/a: neither P1_W nor efficiency"):
         load_measurements(efficiencies(efficiency="n/a"))
+
+
+def test_an_input_power_that_counts_the_other_way_is_told_the_option_that_turns_it() -> None:
+    turned = efficiencies(P1_W=[-515.0, -625.0, -737.0], efficiency=None)
+    with pytest.raises(
+        DatasetError, match=r"P1_W = -515.0: not above 0 W.*--column P1_W=P1_W\*-1 converts it"
+    ):
+        load_measurements(turned)
+
+
+def exchanged(**columns: object) -> str:
+    """What is said of three rows whose powers are the wrong way round."""
+    with pytest.raises(DatasetError) as refused:
+        load_measurements(efficiencies(P1_W=[485.0, 582.0, 679.0], efficiency=None, **columns))
+    return str(refused.value)
+
+
+VOLTAGES = "--column V1_V=V2_V --column V2_V=V1_V"
+CURRENTS = "--column I1_A=I2_A --column I2_A=I1_A"
+
+
+def test_exchanged_powers_alone_are_told_to_be_exchanged_alone() -> None:
+    assert (
+        "if the two are exchanged, d2ea import --column P1_W=P2_W --column P2_W=P1_W puts them right"
+        in exchanged()
+    )
+    assert "V1_V" not in exchanged()
+
+
+def test_exchanged_powers_ask_for_the_voltages_where_nothing_tells() -> None:
+    assert f"puts them right, and if V1_V and V2_V are exchanged too, with {VOLTAGES}" in exchanged(
+        V1_V=140.0, V2_V=300.0
+    )
+
+
+def test_exchanged_powers_are_told_with_voltages_and_currents_that_are_exchanged_too() -> None:
+    whole = exchanged(V1_V=140.0, V2_V=300.0, I1_A=[3.464, 4.157, 4.85], I2_A=[1.667, 2.0, 2.333])
+    assert f"puts them right, with {VOLTAGES} {CURRENTS}: V1_V * I1_A is P1_W there" in whole
+    alone = exchanged(V1_V=300.0, V2_V=140.0, I1_A=[1.667, 2.0, 2.333], I2_A=[3.464, 4.157, 4.85])
+    assert VOLTAGES not in alone
+
+
+def test_what_exchanges_is_told_with_the_names_that_the_table_has() -> None:
+    table = efficiencies(P1_W=[485.0, 582.0, 679.0], efficiency=None, Uin=140.0, V2_V=300.0)
+    with pytest.raises(DatasetError, match=r'--column V1_V=V2_V --column "V2_V=Uin"'):
+        load_measurements(table, [OtherName.parse("V1_V=Uin")])
+
+
+def test_the_options_that_exchange_a_whole_table_do_so() -> None:
+    table = efficiencies(P1_W=[485.0, 582.0, 679.0], efficiency=None, V1_V=140.0, V2_V=300.0)
+    pairs = ("P1_W=P2_W", "P2_W=P1_W", "V1_V=V2_V", "V2_V=V1_V")
+    read = load_measurements(table, [OtherName.parse(pair) for pair in pairs])
+    assert (read.frame["V1_V"][0], read.frame["P1_W"][0], len(read.rejected)) == (300.0, 500.0, 0)
