@@ -187,6 +187,6 @@ def _check_columns(read: CsvTable, raw: pd.DataFrame, name: str, names: Sequence
         for column in missing
     )
     required = f"required are D1, D2, P2_W and P1_W or efficiency; there are: {', '.join(there)}"
-    if len(there) > 1 and not set(there) <= set(KNOWN_COLUMNS):
+    if len(there) > 1:
         required += suggested(None if name == _NO_FILE else name, raw, names, missing, near)
     raise DatasetError("; ".join([f"{name}: {said}", *read.notes, required]))

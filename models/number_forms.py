@@ -32,6 +32,7 @@ _GROUPED = {  # by that sign
     _COMMA: re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+"),
     _POINT: re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+"),
 }
+_NOT_PYTHONS = re.compile(r"[,\s'\u2019\N{MINUS SIGN}]|\.\d*\.")
 _WHOLE = re.compile(r"[+-]?\d+([eE][+-]?\d+)?")
 _A_THOUSAND = 1000.0
 
@@ -53,11 +54,12 @@ class _Cell:
 @dataclass(slots=True, kw_only=True)
 class _Votes:
     """What the cells of one column tell: by decimal sign those that are sure, by the sign in them those that may be
-    either, and how large the numbers are that have no thousands apart."""
+    either, how large the numbers are that have no thousands apart, and by which sign others surely have them."""
 
     sure: dict[str, list[_Cell]] = field(default_factory=lambda: {_POINT: [], _COMMA: []})
     either: dict[str, list[_Cell]] = field(default_factory=lambda: {_POINT: [], _COMMA: []})
     sizes: list[float] = field(default_factory=list)
+    groups: set[str] = field(default_factory=set)
 
     @property
     def majority(self) -> str | None:
@@ -78,6 +80,8 @@ def in_one_form(columns: Mapping[str, pd.Series], lines: Sequence[int]) -> dict[
     >>> in_one_form({name: pd.Series(cells) for name, cells in numbers.items()}, [2, 3])
     {'D1': ['0.8', '0.75'], 'P2_W': ['998', '1039']}
     """
+    if _are_pythons(columns):
+        return {name: list(cells) for name, cells in columns.items()}
     plain = {name: [_plain(cell) for cell in cells] for name, cells in columns.items()}
     votes = {name: _votes(name, cells, lines) for name, cells in plain.items()}
     table = _of_the_table(list(votes.values()))
@@ -86,6 +90,12 @@ def in_one_form(columns: Mapping[str, pd.Series], lines: Sequence[int]) -> dict[
         name: [cell if cell is None else _read(cell, signs[name]) for cell in cells]
         for name, cells in plain.items()
     }
+
+
+def _are_pythons(columns: Mapping[str, pd.Series]) -> bool:
+    """Whether all numbers of a table are as Python has them, which many tables tell at a glance."""
+    cells = [cell for column in columns.values() for cell in column if isinstance(cell, str)]
+    return not _NOT_PYTHONS.search("|".join(cells)) and any(_sure_sign(cell) == _POINT for cell in cells)
 
 
 def _plain(cell: object) -> str | None:
@@ -123,6 +133,8 @@ def _votes(column: str, cells: Sequence[str | None], lines: Sequence[int]) -> _V
             votes.sure[sign].append(there)
             if _DECIMAL[sign].fullmatch(number):
                 votes.sizes.append(_size(number, sign))
+            else:
+                votes.groups.add(_OTHER[sign])
         elif _WHOLE.fullmatch(number):
             votes.sizes.append(_size(number, _POINT))
         for sign in (_POINT, _COMMA):
@@ -183,7 +195,9 @@ def _without_a_majority(column: _Votes, table: _Votes) -> str | None:
 
 
 def _go_on(apart: Sequence[_Cell], column: _Votes, sign: str) -> bool:
-    """Whether numbers with their thousands apart lie closer to the column's others, than if they had decimals."""
+    """Whether numbers have their thousands apart, as others of the column do, or to be no farther from those."""
+    if _OTHER[sign] in column.groups:
+        return True
     others = [*column.sizes, *(_size(_number(cell.value), sign) for cell in column.either[sign])]
     largest = max(others, default=0.0)
     if not 0.0 < largest < _A_THOUSAND:  # such a one would have its thousands apart as well

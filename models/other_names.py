@@ -13,8 +13,8 @@ from models.number_forms import as_number
 from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS
 from models.temperature_units import PREFIX, in_degC, unit_of_temperature, without_unit
 
-_IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "ms": 1e-3,
-            "min": 60.0, "h": 3600.0}  # fmt: skip
+_IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "‰": 1e-3,
+            "permille": 1e-3, "ms": 1e-3, "min": 60.0, "h": 3600.0}  # fmt: skip
 _IN_HALF_PERIODS = {"deg": 1 / 180, "°": 1 / 180, "degrees": 1 / 180, "Grad": 1 / 180, "rad": 1 / math.pi}
 _DUTIES = ("D0", "D1", "D2")
 _UNITS = {

@@ -46,12 +46,15 @@ def suggested(
     options += [as_option(ours, theirs, units.get(theirs)) for ours, theirs in near.items()]
     options += in_other_units(raw, given)
     command = " ".join(["d2ea import", *([f'"{file}"'] if file else []), *options])
-    lines = [f"; other names and units are taken by\n{command}"] if options else [""]
-    named = {**near, **{column: column for column in raw.columns if column in KNOWN_COLUMNS}}
+    foreign = any(column not in KNOWN_COLUMNS for column in raw.columns)
+    lines = [f"; other names and units are taken by\n{command}" if options and foreign else ""]
+    named = {column: column for column in raw.columns if column in KNOWN_COLUMNS}
+    named |= {**near, **{each.ours: each.theirs for each in given}}
     for column in missing:
-        if not or_efficiency(column, near):
+        how = _product(column, named, units) or (_placeholder(column) if foreign else "")
+        if how and not or_efficiency(column, near):
             called = " or ".join(EITHER) if column == "P1_W" else column
-            lines.append(f"still missing: {called}. {_product(column, named, units) or _placeholder(column)}")
+            lines.append(f"still missing: {called}. {how}")
     return "\n".join(lines)
 
 
@@ -80,7 +83,7 @@ def _product(power: str, named: Mapping[str, str], units: Mapping[str, str]) -> 
     >>> _product("P1_W", {"V1_V": "Vin [V]", "I1_A": "Iin [mA]"}, {})
     "Add a column P1_W to the table: 'Vin [V]' times 'Iin [mA]' times 0.001, a dc port's power in W"
     """
-    if not all(column in named for column in _PORTS.get(power, (power,))):
+    if power not in _PORTS or not set(_PORTS[power]) <= set(named):
         return ""
     theirs = [named[column] for column in _PORTS[power]]
     factor = math.prod(

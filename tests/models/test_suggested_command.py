@@ -60,19 +60,31 @@ def test_without_any_guess_there_is_no_command(tmp_path: Path) -> None:
     ]
 
 
+def test_a_table_of_our_own_names_is_not_asked_for_others(tmp_path: Path) -> None:
+    assert answered(tmp_path, "D1,D2,P1_W\n0.8,0.2,612\n")[1] == []
+
+
 @pytest.mark.parametrize(
     ("header", "product"),
     [
         ("D1,D2,Pout,Vin [V],Iin [mA]", "P1_W to the table: 'Vin [V]' times 'Iin [mA]' times 0.001, a dc"),
         ("D1,D2,Pout,V1_V,I1_A", "P1_W to the table: 'V1_V' times 'I1_A', a dc"),
+        ("D1,D2,P2_W,V1_V,I1_A", "P1_W to the table: 'V1_V' times 'I1_A', a dc"),
     ],
 )
 def test_a_power_that_is_missing_is_to_be_had_from_voltage_and_current(
     header: str, product: str, tmp_path: Path
 ) -> None:
-    _, (_, missing) = answered(tmp_path, f"{header}\n0.8,0.2,600,300,2.04\n")
+    *_, missing = answered(tmp_path, f"{header}\n0.8,0.2,600,300,2.04\n")[1]
     assert missing.startswith("still missing: P1_W or efficiency. Add a column ")
     assert product in missing
+
+
+def test_what_was_named_already_is_called_as_the_table_does(tmp_path: Path) -> None:
+    file, _ = answered(tmp_path, "D1,D2,P2_W,Vin [V],Iin [mA]\n0.8,0.2,600,300,2040\n")
+    given = [OtherName.parse(each) for each in ("V1_V=Vin [V]", "I1_A=Iin [mA]*0.001")]
+    with pytest.raises(DatasetError, match=r"'Vin \[V\]' times 'Iin \[mA\]' times 0.001, a dc"):
+        load_measurements(file, given)
 
 
 def test_units_below_our_own_names_are_told_where_no_column_is_missing() -> None:
