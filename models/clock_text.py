@@ -22,10 +22,10 @@ _HALF = 0.5  # of a day or an hour: rows out of order lie closer, what begins an
 _HOURS_OF_HALF_A_DAY = _MONTHS_OF_A_YEAR = 12
 _CENTURY, _A_CENTURY = 2000, 100
 _TIME = re.compile(
-    r"(?:(?P<date>\S.*?)(?:\s*[T,]\s*|\s+))?(?P<hours>\d+):(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d(?:[.,]\d+)?))?"
+    r"(?:(?P<date>\S.*?)(?:\s*[T,]\s*|\s+))?(?P<hours>\d{1,5}):(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d(?:[.,]\d+)?))?"
     r"\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)\s*(?P<zone>[A-Z]{1,4}|[+-]\d{2}:?(?:\d{2})?)?"
 )
-_MINUTES = re.compile(r"(?P<minutes>\d+):(?P<seconds>[0-5]\d[.,]\d+)")
+_MINUTES = re.compile(r"(?P<minutes>\d{1,5}):(?P<seconds>[0-5]\d[.,]\d+)")
 _YEAR_FIRST = re.compile(r"(?P<year>\d{4})(?P<between>[-/.])(?P<month>\d{1,2})(?P=between)(?P<day>\d{1,2})")
 _IN_NUMBERS = re.compile(
     r"(?P<day>\d{1,2})(?P<between>[./-])(?P<month>\d{1,2})(?P=between)(?P<year>\d{4}|\d{2})"
