@@ -93,6 +93,8 @@ def onset_text(diagnosis: Mapping[str, Any]) -> str:
     >>> heatsink = {"column": "T_heatsink_C", "kind": "offset", "value": -5.96, "unit": "degC"}
     >>> onset_text({"unknown": {"onset": moment | {"effect": None, "sensor": heatsink}}})
     'heatsink reads 5.96 K low from row 59 on, after 2 h 54 min'
+    >>> onset_text({"unknown": {"onset": moment | {"effect": None, "sensor": heatsink, "sets_in": False}}})
+    'heatsink reads 5.96 K low up to row 58, for 2 h 54 min'
     >>> onset_text({"unknown": {"onset": moment | {"effect": None, "place": "V1_V"}}})
     'V1_V, which nobody read, seems to change between rows 58 and 59, after 2 h 54 min'
     """
@@ -108,8 +110,9 @@ def onset_text(diagnosis: Mapping[str, Any]) -> str:
         does = "sets in" if onset["sets_in"] else "goes away"
         return f"{effect_name(onset['effect'])} {does} {when} ({then} then, {earlier} before)"
     if onset["sensor"]:
-        where = f"from row {row} on" if onset["sets_in"] else f"up to row {before}"
-        return f"{_reads(onset['sensor'])} {where}, after {duration(onset['after_s'])}"
+        passed = duration(onset["after_s"])
+        where = f"from row {row} on, after" if onset["sets_in"] else f"up to row {before}, for"
+        return f"{_reads(onset['sensor'])} {where} {passed}"
     if onset["place"] in CONDITIONS:
         return f"{onset['place']}, which nobody read, seems to change {when}"
     place = str(onset["place"]).split(", ")[0]
