@@ -23,7 +23,7 @@ from models.diagnosis.whitener import Whitener
 Array = NDArray[np.float64]
 
 _CLEARLY = 3.0  # in log evidence
-_CAUSE = "the cause"  # among places
+_OWN = "the step itself"  # among places
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,20 +52,24 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """A cause of ``signature`` at a ``distance`` from its value on the other side, which moves readings by a
-    ``direction`` (M,); ``there`` (M,) are those of its side."""
+    """What moves readings by a ``shift`` (M,) on the side that is ``there`` (M,).
 
-    signature: Signature
-    distance: float
-    direction: Array
+    One sigma of it, and of how its law may be off, are ``columns`` (q, M).
+    """
+
+    shift: Array
     there: NDArray[np.bool_]
+    columns: Array
 
-    def columns(self, refinery: Refinery) -> Array:
-        """The value, one sigma of its prior, and how its law may be off, (q, M)."""
-        value = self.direction * (self.signature.entry.headline.prior / abs(self.distance))
-        law = refinery.laws.directions(self.signature, self.distance)
-        laws = [] if law is None else [law.factor * law.vectors * self.there]
-        return np.concatenate([value[None], *laws])
+    @classmethod
+    def of_a_cause(
+        cls, refinery: Refinery, signature: Signature, distance: float, shift: Array, there: NDArray[np.bool_]
+    ) -> Self:
+        """Of a cause at a ``distance`` from its value on the other side."""
+        value = shift * (signature.entry.headline.prior / abs(distance)) if distance else shift
+        law = refinery.laws.directions(signature, distance)
+        laws = [] if law is None else [law.factor * law.vectors * there]
+        return cls(shift=shift, there=there, columns=np.concatenate([value[None], *laws]))
 
 
 def gains(whitener: Whitener, pulled: Array, leftovers: Leftovers) -> list[float]:
@@ -93,19 +97,16 @@ def sensors_among(refinery: Refinery, leftovers: Leftovers) -> list[Change]:
 
 
 def likelier_change(
-    refinery: Refinery, whitener: Whitener, left: Array, step: Step, leftovers: Leftovers
+    refinery: Refinery, left: Array, step: Step, whitener: Whitener, leftovers: Leftovers
 ) -> Change | None:
-    """What is likelier to change than a cause, or as likely, where ``left`` (M,) is left without both; else None."""
+    """What is likelier to change than a step says, or as likely, of what is ``left`` (M,) without both; else None."""
     rivals = leftovers.where(step.there)
     for column in refinery.known.unread:
         direction = refinery.known.conditions[column] * step.there
         rivals = rivals.and_also(column, direction[None], 1.0)
-    with_cause = rivals.and_also(_CAUSE, step.columns(refinery), 1.0)
-    *others, cause = gains(whitener, whitener.solve(left), with_cause)
+    *others, own = gains(whitener, whitener.solve(left), rivals.and_also(_OWN, step.columns, 1.0))
     best = int(np.argmax(others))
-    if cause >= others[best] + _CLEARLY:
-        return None
-    return _change(refinery, rivals, rivals.configurations[best])
+    return None if own >= others[best] + _CLEARLY else _change(refinery, rivals, rivals.configurations[best])
 
 
 def _change(refinery: Refinery, leftovers: Leftovers, chosen: Leftover) -> Change:

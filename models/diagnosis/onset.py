@@ -78,9 +78,9 @@ class Onset:
 
     def of_a_sensor(self, sensor: Change, best: "_Best", time_s: Array) -> "Onset":
         """That a sensor is off instead, where its own ``best`` step says; at the times of readings (M,)."""
-        there, moment = (time_s >= best.moment.at_s) == best.sets_in, best.moment
+        moment, columns = best.moment, sensor.columns * best.there(time_s)
         return replace(
-            self, change=replace(sensor, columns=sensor.columns * there), sets_in=best.sets_in,
+            self, change=replace(sensor, columns=columns), sets_in=best.sets_in,
             after_s=moment.after_s, before=moment.before, row=moment.row,
         )  # fmt: skip
 
@@ -155,6 +155,15 @@ class _Best:
     moment: _Moment
     sets_in: bool
     times: float
+
+    def there(self, time_s: Array) -> NDArray[np.bool_]:
+        """Which readings (M,), at their times, are on its side of the moment."""
+        return np.asarray((time_s >= self.moment.at_s) == self.sets_in)
+
+    def step(self, direction: Array, time_s: Array) -> Step:
+        """What a direction (M,), one sigma long, does there."""
+        there = self.there(time_s)
+        return Step(shift=self.times * direction * there, there=there, columns=(direction * there)[None])
 
     def is_decisive(self, least: float, decisive: float) -> bool:
         """Whether it is decisively likelier than the same all the time, and than all else, which asks the ``least``."""
@@ -248,39 +257,40 @@ def find_onset(
     beside = [_Beside.of(refinery, fit, replicated(fit.shift)) for fit in fits]
     decisive = _DECISIVE + math.log(2.0 * len(moments) * len(directions))
     steps = [(each, each.best_steps(directions, time_s, tried)) for each in beside]
-    here, best = max(steps, key=lambda pair: max(step.log_evidence for step in pair[1]))
-    largest = max(step.log_evidence for step in best)
+    here, straight = max(steps, key=lambda pair: max(step.log_evidence for step in pair[1]))
+    largest = max(step.log_evidence for step in straight)
     if largest < max(each.bare for each in beside) + decisive:  # as most are: leftovers need not be asked
         return None
     always = with_wandering_conditions(refinery, leftovers)
     least = max(each.without_a_step(always) for each in beside) + decisive
     if largest < least:
         return None
-    order = sorted(range(len(effects)), key=lambda k: -best[k].log_evidence)[:_SIMULATED]
-    found = [_Tried.on_its_line(here, effects[k], best[k]) for k in order]
+    order = sorted(range(len(effects)), key=lambda k: -straight[k].log_evidence)[:_SIMULATED]
+    found = [_Tried.on_its_line(here, effects[k], straight[k]) for k in order]
     for _ in range(_TWICE):
         found = _simulated(refinery, here, found, moments)
     first = max(found, key=lambda each: each.best.log_evidence)
-    onset = first.onset(here, time_s)
-    off = _best_sensor(here, sensors, time_s, moments)
-    if off is not None and off[1].log_evidence > first.best.log_evidence:
-        return onset.of_a_sensor(*off, time_s) if off[1].is_decisive(least, decisive) else None
-    if not first.best.is_decisive(least, decisive):
+    onset, best, step = first.onset(here, time_s), first.best, first.step(refinery, time_s)
+    for sensor, own in _best_sensor(here, sensors, time_s, moments):
+        if own.log_evidence > best.log_evidence:
+            onset, best = onset.of_a_sensor(sensor, own, time_s), own
+            step = own.step(sensor.columns[0], time_s)
+    if not best.is_decisive(least, decisive):
         return None
-    step = first.step(time_s)
-    doubted = _Beside.of(refinery, here.fit, replicated(here.fit.shift + step.direction))
+    doubted = _Beside.of(refinery, here.fit, replicated(here.fit.shift + step.shift))
     left = refinery.residual - here.fit.shift
-    return replace(onset, change=likelier_change(refinery, doubted.whitener, left, step, leftovers))
+    likelier = likelier_change(refinery, left, step, doubted.whitener, leftovers)
+    return replace(onset, change=likelier or onset.change)
 
 
 def _best_sensor(
     here: _Beside, sensors: Sequence[Change], time_s: Array, moments: Sequence[_Moment]
-) -> tuple[Change, _Best] | None:
-    """The sensor that is likeliest to be off on one side of a moment, and its step there."""
+) -> list[tuple[Change, _Best]]:
+    """The sensor that is likeliest to be off on one side of a moment, with its step there; none without any."""
     if not sensors:
-        return None
+        return []
     steps = here.best_steps(np.stack([each.columns[0] for each in sensors]), time_s, moments)
-    return max(zip(sensors, steps, strict=True), key=lambda each: each[1].log_evidence)
+    return [max(zip(sensors, steps, strict=True), key=lambda each: each[1].log_evidence)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -324,17 +334,15 @@ class _Tried:
         """With what the simulator says that its value does."""
         return replace(self, direction=direction, best=best).with_more_there()
 
-    def step(self, time_s: Array) -> Step:
-        """What it does on its side of the moment, at the times of readings (M,)."""
-        there = (time_s >= self.best.moment.at_s) == self.best.sets_in
-        return Step(
-            signature=self.signature, distance=self.value - self.aside, direction=self.direction * there, there=there
-        )  # fmt: skip
+    def step(self, refinery: Refinery, time_s: Array) -> Step:
+        """What it does on its side of the moment, at the times of readings (M,), with its law open."""
+        there, distance = self.best.there(time_s), self.value - self.aside
+        return Step.of_a_cause(refinery, self.signature, distance, self.direction * there, there)
 
     def onset(self, here: _Beside, time_s: Array) -> Onset:
         """All of it, at the times of readings (M,); what the fit beside it has of the effect is fitted again."""
         head, moment = self.signature.entry.headline, self.best.moment
-        there, aside = self.step(time_s).direction, self.aside
+        there, aside = self.direction * self.best.there(time_s), self.aside
         if self.is_known:
             aside = here.value_beside(self.signature.effect, self.best.times * there)
         return Onset(
