@@ -3,7 +3,8 @@
 Every effect that a lab can hide is hidden once, of a size that a lab draws, from some row on; and once more all the
 time, where nothing sets in. A campaign in which something happens is put together from two of the same lab, with
 nothing and with the effect. An effect may be too small to be seen in a part of the rows: that is not asked. Where it is
-told to set in, the rows before and after are diagnosed each on their own.
+told to set in, the rows before and after are diagnosed each on their own. Then comes one lab of each family that no
+catalogue has: what changes there has no name.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
 from experiments.blind.draws import log_uniform
 from experiments.blind.reach import hideable
@@ -24,7 +26,7 @@ from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.onset import Onset
 from models.diagnosis.stretches import stretches
 
-FIRST_SEED = 560_000
+FIRST_SEED = 580_000
 NEXT_S = 2 * 180.0  # two rows
 _SHARES = (0.3, 0.7)  # of a campaign's time, after which the effect sets in
 
@@ -44,6 +46,11 @@ class Said:
     after: str | None
     stated: tuple[str, ...]
     always: Onset | None
+
+    @property
+    def is_named(self) -> bool:
+        """Whether a cause of the catalogue is told to set in, or to go away."""
+        return self.onset is not None and self.onset.change is None
 
     @property
     def is_found(self) -> bool:
@@ -98,34 +105,45 @@ def _onset_of(found: Diagnosis) -> Onset | None:
 
 
 def run(settings: Settings) -> Result:
-    """One effect after the other."""
+    """One effect after the other, then what no catalogue has."""
     names = hideable()[: settings.thinned(len(hideable()))]
-    countdown, answers = Countdown(len(names), settings), list[Said]()
-    for seed, name in enumerate(names, start=FIRST_SEED):
-        value = log_uniform(HIDDEN[name].drawn, np.random.default_rng([seed, 14]))
+    strange = sorted(FOREIGN)[: settings.thinned(len(FOREIGN))]
+    countdown, answers = Countdown(len(names) + len(strange), settings), list[Said]()
+    ranges = [(name, HIDDEN[name].drawn) for name in names] + [
+        (name, FOREIGN[name].drawn) for name in strange
+    ]
+    for seed, (name, drawn) in enumerate(ranges, start=FIRST_SEED):
+        value = log_uniform(drawn, np.random.default_rng([seed, 14]))
         answers.append(said(BlindTrial(row="onset", seed=seed, hidden=((name, value),))))
         countdown.finished(f"{name} sets in")
-    told = [s for s in answers if s.onset is not None]
+    answers, foreign = answers[: len(names)], answers[len(names) :]
+    told, changed = ([s for s in each if s.onset is not None] for each in (answers, foreign))
     right = Share.of(s.is_found for s in told)
-    dated = Share.of(s.is_dated for s in told)
+    dated = Share.of(s.is_dated for s in [*told, *changed])
     apart = Share.of(s.is_told_apart for s in told)
-    false = Share.of(s.always is not None for s in answers)
+    wrong = Share.of(s.is_named for s in changed)
+    false = Share.of(s.always is not None for s in [*answers, *foreign])
     return Result(
         virtual=True,
         goals=(
             right.goal("told to set in: the right effect", 95.0, at_least=True),
-            dated.goal("told to set in: no more than two rows away", 95.0, at_least=True),
+            dated.goal("told to set in, or to change: no more than two rows away", 95.0, at_least=True),
             apart.goal("on their own: nothing before, the effect after", 90.0, at_least=True),
+            wrong.goal("foreign, told to change: with the name of a cause", 5.0, at_least=False),
             false.goal("always there, but told to set in", 1.0, at_least=False),
         ),
-        tables=(_effects(answers),),
+        tables=(
+            _effects("One effect that sets in", answers),
+            _effects("What no catalogue has sets in", foreign),
+        ),
         notes=(
-            f"{len(told)} of {len(answers)} are told to set in; seeds {FIRST_SEED} to {FIRST_SEED + len(answers) - 1}",
+            f"{len(told)} of {len(answers)} are told to set in, of {len(foreign)} foreign effects {len(changed)} to "
+            f"change something; seeds {FIRST_SEED} to {FIRST_SEED + len(ranges) - 1}",
         ),
     )
 
 
-def _effects(answers: list[Said]) -> Table:
+def _effects(title: str, answers: list[Said]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for s in answers:
         ((name, value),), onset = s.trial.hidden, s.onset
@@ -139,7 +157,7 @@ def _effects(answers: list[Said]) -> Table:
         "hidden", "seed", "sets in, s", "verdict", "told to set in", "by", "told, s", "found", "dated",
         "rows before", "rows after", "told apart",
     )  # fmt: skip
-    return Table(title="One effect that sets in, all channels", columns=columns, rows=tuple(rows))
+    return Table(title=f"{title}, all channels", columns=columns, rows=tuple(rows))
 
 
 EXPERIMENT = Experiment(title="Causes that set in during a campaign", run=run, apart=True)

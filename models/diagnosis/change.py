@@ -22,7 +22,7 @@ from models.diagnosis.whitener import Whitener
 
 Array = NDArray[np.float64]
 
-_CLEARLY = 3.0  # in log evidence
+_CLEARLY = 10.0  # in log evidence, as an onset has to be likelier than nothing
 _OWN = "the step itself"  # among places
 
 
