@@ -271,7 +271,9 @@ def find_onset(
         found = _simulated(refinery, here, found, moments)
     first = max(found, key=lambda each: each.best.log_evidence)
     onset, best, step = first.onset(here, time_s), first.best, first.step(refinery, time_s)
-    for sensor, own in _best_sensor(here, sensors, time_s, moments):
+    for sensor, own in _best_sensor(
+        here, list(zip(sensors, straight[len(effects) :], strict=True)), time_s, moments
+    ):
         if own.log_evidence > best.log_evidence:
             onset, best = onset.of_a_sensor(sensor, own, time_s), own
             step = own.step(sensor.columns[0], time_s)
@@ -284,13 +286,17 @@ def find_onset(
 
 
 def _best_sensor(
-    here: _Beside, sensors: Sequence[Change], time_s: Array, moments: Sequence[_Moment]
+    here: _Beside, sensors: Sequence[tuple[Change, _Best]], time_s: Array, moments: Sequence[_Moment]
 ) -> list[tuple[Change, _Best]]:
-    """The sensor that is likeliest to be off on one side of a moment, with its step there; none without any."""
+    """The sensor that is likeliest to be off on one side of the moments tried so far, at the best of all moments.
+
+    None without any.
+    """
     if not sensors:
         return []
-    steps = here.best_steps(np.stack([each.columns[0] for each in sensors]), time_s, moments)
-    return [max(zip(sensors, steps, strict=True), key=lambda each: each[1].log_evidence)]
+    likeliest, _ = max(sensors, key=lambda each: each[1].log_evidence)
+    (best,) = here.best_steps(likeliest.columns, time_s, moments)
+    return [(likeliest, best)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
