@@ -55,10 +55,8 @@ class Said:
     @property
     def is_found(self) -> bool:
         """Whether the effect is told to set in, and nothing in its place."""
-        onset = self.onset
-        return (
-            onset is not None and onset.change is None and onset.sets_in and onset.effect in self.trial.names
-        )
+        told = self.onset if self.is_named else None
+        return told is not None and told.sets_in and told.effect in self.trial.names
 
     @property
     def is_told_apart(self) -> bool:
@@ -83,11 +81,9 @@ def said(trial: BlindTrial) -> Said:
     nothing, hidden = measured(BlindTrial(row=trial.row, seed=trial.seed)), measured(trial)
     share = np.random.default_rng([trial.seed, 15]).uniform(*_SHARES)
     table, sets_in_s = happened(nothing, hidden, share)
-    found = diagnose(load_measurements(table))
-    before, after = [stretch.found for stretch in stretches(found, load_measurements(table), diagnose)] or (
-        None,
-        None,
-    )
+    whole = load_measurements(table)
+    found = diagnose(whole)
+    before, after = [each.found for each in stretches(found, whole, diagnose)] or [None, None]
     return Said(
         trial=trial,
         sets_in_s=sets_in_s,

@@ -271,9 +271,8 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
             reasoned = RejectedRow(row=int(row) + 1, column=there, value=str(value), reason=reason)
             rejected.setdefault(int(row), reasoned)
 
-    read = (
-        frame[["P1_W", "P2_W"]].notna().any(axis=1)
-    )  # a row of units is no summary, though 1 may stand in it
+    # a row of units is no summary, though 1 may stand in it
+    read = frame[["P1_W", "P2_W"]].notna().any(axis=1)
     for each in summary_rows(raw, NUMERIC_COLUMNS, TEXT_COLUMNS):
         reject(read & each.rows, each.column, each.reason)
     reject(~frame["kind"].isin(KINDS), "kind", f"unknown kind; allowed are {', '.join(KINDS)}")

@@ -6,6 +6,7 @@ conditions that nobody read, and the smooth leftovers at every place, each on th
 the answer where, with its value and its law open, it is clearly likelier than each of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -93,7 +94,8 @@ def with_wandering_conditions(refinery: Refinery, leftovers: Leftovers) -> Lefto
 
 def sensors_among(refinery: Refinery, leftovers: Leftovers) -> list[Change]:
     """Each sensor that may be off, as leftovers have it."""
-    return [_change(refinery, leftovers, c) for c in leftovers.configurations if is_sensor(c.location)]
+    sensors = [c for c in leftovers.configurations if is_sensor(c.location)]
+    return _changes(refinery, leftovers, sensors)
 
 
 def likelier_change(
@@ -106,13 +108,19 @@ def likelier_change(
         rivals = rivals.and_also(column, direction[None], 1.0)
     *others, own = gains(whitener, whitener.solve(left), rivals.and_also(_OWN, step.columns, 1.0))
     best = int(np.argmax(others))
-    return None if own >= others[best] + _CLEARLY else _change(refinery, rivals, rivals.configurations[best])
+    if own >= others[best] + _CLEARLY:
+        return None
+    (change,) = _changes(refinery, rivals, [rivals.configurations[best]])
+    return change
 
 
-def _change(refinery: Refinery, leftovers: Leftovers, chosen: Leftover) -> Change:
-    """One of the leftovers as what changes."""
-    columns = chosen.amplitude * leftovers.basis[chosen.columns]
-    steps = sensor_steps(refinery.observations, refinery.known)
-    error = next((s.error for s in steps if s.place == chosen.location), None)
-    off = None if error is None else replace(error, value=chosen.amplitude * error.value)
-    return Change(place=chosen.location, columns=columns, sensor=off)
+def _changes(refinery: Refinery, leftovers: Leftovers, chosen: Sequence[Leftover]) -> list[Change]:
+    """Some of the leftovers as what changes."""
+    errors = {step.place: step.error for step in sensor_steps(refinery.observations, refinery.known)}
+    found = []
+    for leftover in chosen:
+        error = errors.get(leftover.location)
+        off = None if error is None else replace(error, value=leftover.amplitude * error.value)
+        columns = leftover.amplitude * leftovers.basis[leftover.columns]
+        found.append(Change(place=leftover.location, columns=columns, sensor=off))
+    return found

@@ -48,9 +48,8 @@ def still_to_spare(
     simulated.
     """
     p = observations.points
-    with np.errstate(
-        invalid="ignore", divide="ignore"
-    ):  # a pulse narrower than two dead times carries nothing
+    # a pulse narrower than two dead times carries nothing
+    with np.errstate(invalid="ignore", divide="ignore"):
         moved = lossless_most_W(model, p) / lossless_most_W(baseline, p)
     enough = moved * (1 + known) > (1 + LEAST_SPARE) * (1 + _LOST)
     asked = ~enough[observations.row]

@@ -12,6 +12,8 @@ import pytest
 from bench.diagnosis_charts import cause_bars, residual_columns, residual_maps
 from bench.diagnosis_page import DiagnosisPage, noise_rows, ties, tiles, unseen, write_diagnosis_page
 from bench.errors import NotWritten
+from bench.questions import first_questions
+from bench.verdict_wording import unexplained_text
 
 CAUSE = {
     "effect": "link_resistance", "probability": 0.997, "share_of_gap": 0.91, "tied_with": [],
@@ -370,3 +372,19 @@ def test_a_row_that_was_not_used_is_a_ring(page: DiagnosisPage) -> None:
 def test_a_bar_that_is_too_short_to_see_still_says_its_probability() -> None:
     figure = cause_bars([{"effect": "link_resistance", "probability": 0.9999}], 0.0001, 0.0)
     assert list(figure.data[0].text) == ["over 99.9 %", "under 0.1 %", "0.0 %"]
+
+
+def test_where_only_laws_that_are_off_explain_efficiency_more_channels_are_asked_for() -> None:
+    strained = ANSWER | {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
+    assert any("Measure more than efficiency: D0" in question for question in first_questions(strained))
+    assert "loss laws of the simulation off" in unexplained_text(strained)
+    assert not any("Measure more" in question for question in first_questions(ANSWER))
+
+
+def test_a_part_that_a_name_needs_too_far_off_is_asked_for() -> None:
+    needs = ANSWER | {"parts": [{"part": "secondary.switch.on.resistance_Ohm", "sigma": -6.97}]}
+    assert any(
+        "needs secondary switch on resistance 7.0 times its everyday spread off" in q
+        for q in first_questions(needs)
+    )
+    assert not any("everyday spread off" in question for question in first_questions(ANSWER))

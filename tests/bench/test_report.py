@@ -18,9 +18,7 @@ from bench.charts import channel_residuals, efficiency_maps, loss_breakdown
 from bench.errors import NotWritten
 from bench.figures import overview_png
 from bench.paper_figures import gain_bars, model_errors, optimum_over_load, write_figures
-from bench.questions import first_questions
 from bench.report import ReportData, actions, write_report
-from bench.verdict_wording import unexplained_text
 
 CAUSE = {
     "effect": "link_resistance",
@@ -386,19 +384,3 @@ def test_it_prints_on_paper_with_every_table_open(data, tmp_path):
         page.evaluate("window.dispatchEvent(new Event('afterprint'))")
         assert page.locator("details[open]").count() == 0
         browser.close()
-
-
-def test_where_only_laws_that_are_off_explain_efficiency_more_channels_are_asked_for() -> None:
-    strained = DIAGNOSIS | {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
-    assert any("Measure more than efficiency: D0" in question for question in first_questions(strained))
-    assert "loss laws of the simulation off" in unexplained_text(strained)
-    assert not any("Measure more" in question for question in first_questions(DIAGNOSIS))
-
-
-def test_a_part_that_a_name_needs_too_far_off_is_asked_for() -> None:
-    needs = DIAGNOSIS | {"parts": [{"part": "secondary.switch.on.resistance_Ohm", "sigma": -6.97}]}
-    assert any(
-        "needs secondary switch on resistance 7.0 times its everyday spread off" in q
-        for q in first_questions(needs)
-    )
-    assert not any("everyday spread off" in question for question in first_questions(DIAGNOSIS))

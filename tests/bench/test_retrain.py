@@ -18,6 +18,7 @@ from bench.store import Provenance, Store
 from bench.trace import trace_entry
 from bench.training import Trainer
 from bench.training_data import Places, TrainingData
+from experiments.onset_trials import happened
 from models.calibrated import CalibratedPhysics
 from models.dataset import Measurements
 from models.held_blocks import held_out
@@ -30,6 +31,7 @@ from sim.operating_points import Points
 from sim.prototype import prototype
 from sim.simulate import simulate
 from tests.bench.fake_bench import memory
+from tests.models.diagnosis.virtual_campaign import lab_table
 
 WHEN = "2024-05-01T12:00:00+00:00"
 LOADS_W = (400.0, 600.0, 800.0)
@@ -388,6 +390,18 @@ def test_a_renewed_diagnosis_says_of_what_it_is() -> None:
     assert answer["campaign"]["accepted"] == len(measured(40))
     assert answer["left_out_by_import"]["rows"][0]["row"] == 7
     assert "V1_V is not in the table: taken as 300 V" in answer["notes"]
+
+
+def test_a_renewed_diagnosis_says_what_both_stretches_of_a_change_say() -> None:
+    changed, _ = happened(lab_table({}, seed=171), lab_table({"link_resistance": 0.08}, seed=171), 0.5)
+    with memory() as store:
+        imported(store, changed)
+        data = newest_data(store)
+        assert data is not None
+        _settle(store, data, DECIDED, Model.baseline())
+        answer = store.diagnoses(1)[0]["verdict"]
+    before, after = answer["unknown"]["onset"]["stretches"]
+    assert (before["answer"]["verdict"], after["answer"]["named"]) == ("consistent", ["link_resistance"])
 
 
 def test_a_virtual_lab_and_hardware_are_never_mixed(store: Store) -> None:

@@ -7,9 +7,8 @@ import pytest
 from experiments.onset_trials import happened
 from models.diagnosis.change import Change
 from models.diagnosis.diagnose import Diagnosis
-from models.diagnosis.onset import Onset
 from models.diagnosis.sensors import SensorError
-from tests.models.diagnosis.virtual_campaign import lab_table, seen
+from tests.models.diagnosis.virtual_campaign import lab_table, onset_of, seen
 
 SEED = 171
 OF_A_PER_CENT = 0.25  # a sensor's gain is known to its specification, 0.17 % of reading
@@ -17,12 +16,6 @@ OF_A_PER_CENT = 0.25  # a sensor's gain is known to its specification, 0.17 % of
 
 def lab(**hidden: float) -> pd.DataFrame:
     return lab_table(hidden, seed=SEED)
-
-
-def onset_of(found: Diagnosis) -> Onset:
-    assert found.unexplained is not None
-    assert found.unexplained.onset is not None
-    return found.unexplained.onset
 
 
 def change_of(found: Diagnosis) -> Change:

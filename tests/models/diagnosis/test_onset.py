@@ -9,9 +9,8 @@ import pytest
 
 from experiments.blind.trial import BlindTrial
 from experiments.onset_trials import happened, said
-from models.diagnosis.diagnose import Diagnosis
 from models.diagnosis.onset import Onset, is_onset
-from tests.models.diagnosis.virtual_campaign import lab_table, seen
+from tests.models.diagnosis.virtual_campaign import lab_table, onset_of, seen
 
 SEED = 171
 OF_SIZE = 0.2  # the lab's laws are off by up to a tenth, and half of the rows tell the rest
@@ -19,13 +18,6 @@ OF_SIZE = 0.2  # the lab's laws are off by up to a tenth, and half of the rows t
 
 def lab(**hidden: float) -> pd.DataFrame:
     return lab_table(hidden, seed=SEED)
-
-
-def onset_of(found: Diagnosis) -> Onset:
-    """What is not there all the time."""
-    assert found.unexplained is not None
-    assert found.unexplained.onset is not None
-    return found.unexplained.onset
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
 from models.dataset import Measurements, load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
+from models.diagnosis.onset import Onset
 from sim.model import Model
 from sim.simulate import Points, simulate
 
@@ -47,6 +48,13 @@ def lab_campaign(hidden: Mapping[str, float | None], *, seed: int, count: int = 
 def seen(frame: pd.DataFrame) -> Diagnosis:
     """What the diagnosis says of a table."""
     return diagnose(load_measurements(frame))
+
+
+def onset_of(found: Diagnosis) -> Onset:
+    """What is not there all the time."""
+    assert found.unexplained is not None
+    assert found.unexplained.onset is not None
+    return found.unexplained.onset
 
 
 def simulated_campaign(model: Model, *, seed: int, count: int = 60, every_s: float = 180.0) -> pd.DataFrame:
