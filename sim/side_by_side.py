@@ -97,20 +97,6 @@ def shared_out(size: int, parts: int) -> list[NDArray[np.intp]]:
     return [np.arange(first, size, parts) for first in range(parts)]
 
 
-def dealt(costs: Sequence[float], parts: int) -> list[NDArray[np.intp]]:
-    """Rows of each part, about alike in all that they cost.
-
-    >>> [rows.tolist() for rows in dealt([1, 1, 3, 1, 1], 2)]
-    [[2, 4], [0, 1, 3]]
-    """
-    shares, total = [list[int]() for _ in range(parts)], [0.0] * parts
-    for row in sorted(range(len(costs)), key=lambda k: -costs[k]):
-        least = total.index(min(total))
-        shares[least].append(row)
-        total[least] += costs[row]
-    return [np.array(sorted(share), dtype=np.intp) for share in shares]
-
-
 def at_once(*calls: Callable[[], Any]) -> list[Any]:
     """What calls return that do not depend on each other; for forks that are kept they are partial functions."""
     return side_by_side(_called, calls)

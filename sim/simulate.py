@@ -20,7 +20,8 @@ from sim.model import Model
 from sim.neighbours import unknowns_of
 from sim.operating_points import Points, efficiency, grid, grid_of
 from sim.parameters import Converter
-from sim.side_by_side import dealt, side_by_side
+from sim.shares import shares
+from sim.side_by_side import side_by_side
 from sim.solution import Seed, Solution, lossless_peak_W, refused, solve
 from sim.stacking import pick, stack
 from sim.station import AT_INPUT, AT_OUTPUT, IN_LINK
@@ -31,8 +32,6 @@ __all__ = ["PARTS", "Points", "Result", "can_run", "each_can_run", "grid", "grid
 Array = NDArray[np.float64]
 
 PARTS = (*AT_INPUT, *IN_LINK, *AT_OUTPUT, "auxiliary", "input_cable", "output_cable", "added")
-_WORTH_SHARING = 400  # rows in each process: to send them takes a tenth of what they take
-_SATURATING = 15  # others at the same points take as long as one variant that saturates
 _NARROWER = 2.0  # dead times: no pulse is made so much narrower
 _MANY = 4  # variants at once that pay for their response being learned
 
@@ -121,6 +120,17 @@ def reference(model: Model, points: Points) -> Result:
     return _result(model, points, solved)
 
 
+def answering(near: Result, model: Model, unknowns: Array) -> Result:
+    """A result for variants to start from as before, whose points respond as those of another model do.
+
+    ``unknowns`` (n, N) are those that the model was solved for.
+    """
+    if near.seed is None:
+        return near
+    seed = near.seed.answering(model.altered_converter(), model.set_points(near.points), unknowns)
+    return replace(near, seed=seed)
+
+
 Case = tuple[Model, Points]
 _Circuit = tuple[Converter, Points]
 _Share = tuple[list[_Circuit], Seed | None, list[Array | None]]
@@ -145,15 +155,14 @@ def _circuits(cases: Sequence[Case]) -> tuple[list[_Circuit], list[int]]:
 def _all_solved(
     circuits: "list[_Circuit]", seed: Seed | None, starts: Sequence[Array | None], processes: int
 ) -> list[Solution]:
-    """Converters at their points, all in one call but for those that saturate, and a call in each process."""
+    """Converters at their points, in as few calls and processes as take the least time."""
     size = len(circuits[0][1])
-    cost = [_SATURATING if c.inductor.saturates else 1 for c, _ in circuits]
-    parts = dealt(cost, processes if len(circuits) * size >= processes * _WORTH_SHARING else 1)
-    shares = [([circuits[k] for k in part], seed, [starts[k] for k in part]) for part in parts]
+    parts = shares([c.inductor.saturates for c, _ in circuits], size, processes)
+    asked = [([circuits[k] for k in own.circuits], seed, [starts[k] for k in own.circuits]) for own in parts]
     # shares come back whole: to pickle a few long columns takes a tenth of what many short ones do
     found = {
-        int(part[k]): whole.rows(slice(n * size, (n + 1) * size))
-        for part, solved in zip(parts, side_by_side(_share_solved, shares), strict=True)
+        own.circuits[k]: whole.rows(slice(n * size, (n + 1) * size))
+        for own, solved in zip(parts, side_by_side(_share_solved, asked), strict=True)
         for chosen, whole in solved
         for n, k in enumerate(chosen)
     }
@@ -172,12 +181,11 @@ def _share_solved(share: "_Share") -> "list[tuple[list[int], Solution]]":
 
 
 def _stacked(circuits: "list[_Circuit]") -> Iterator[tuple[list[int], Converter, Points]]:
-    """Converters and their points as one, but for those that saturate: they take longer."""
-    for saturates in (False, True):
-        chosen = [k for k, (c, _) in enumerate(circuits) if c.inductor.saturates == saturates]
-        if chosen:
-            converter = stack([circuits[k][0] for k in chosen], len(circuits[chosen[0]][1]))
-            yield chosen, converter, Points.join([circuits[k][1] for k in chosen])
+    """Converters and their points as one, for each call that is worth making."""
+    (whole,) = shares([c.inductor.saturates for c, _ in circuits], len(circuits[0][1]), processes=1)
+    for chosen in whole.calls:
+        converter = stack([circuits[k][0] for k in chosen], len(circuits[chosen[0]][1]))
+        yield chosen, converter, Points.join([circuits[k][1] for k in chosen])
 
 
 def can_run(models: Model | Sequence[Model], points: Points) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ Points with a start, from a near variant of the converter at the same points, go
 from nothing. What points have settled from nothing is a start for further variants.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,14 @@ class Seed:
         return cls(
             size=size, rows=rows, start=solved.start(), spare=outcome.comfortable(_SPARE), response=response
         )
+
+    def answering(self, converter: Converter, points: Points, unknowns: Array) -> "Seed":
+        """The same starts with the response of a variant where its unknowns (n, size) were found; else as it was."""
+        if self.response is None or not self.rows.size:
+            return self
+        station = station_of(pick(converter, self.rows), points.take(self.rows), self.start)
+        response, _ = Response.of(started(station, unknowns.take(self.rows, axis=1)))
+        return replace(self, response=response)
 
     def take(self, chosen: NDArray[np.intp]) -> "Seed":
         """The starts for some of the points."""

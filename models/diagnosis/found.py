@@ -6,11 +6,12 @@ from functools import cached_property
 from typing import Self
 
 from models.diagnosis.hypotheses import Fit
+from models.diagnosis.leftover import Leftovers
 from models.diagnosis.noise import ChannelNoise, Replicates, estimate_noise, sigma_of
 from models.diagnosis.onset import Onset, find_onset
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.search import search
-from models.diagnosis.setting import FirstSight, Setting, set_up
+from models.diagnosis.setting import FirstSight, Setting, leftovers_of, set_up
 from models.diagnosis.usable import Usable
 from sim.model import Model
 
@@ -41,8 +42,9 @@ class Begun:
         tried = [_lagging(usable, share, replicates) for share in shares]
         least = max(each.log_likelihood for each in tried) - _SLOW
         first, *more = [each for each in tried if each.log_likelihood >= least]
-        begun = cls.in_noise(first.usable, baseline, first.noise)
-        for slower in (cls.in_noise(each.usable, baseline, each.noise) for each in more):
+        rivals = leftovers_of(usable.observations, baseline, usable.known)
+        begun = cls.in_noise(first.usable, baseline, first.noise, rivals)
+        for slower in (cls.in_noise(each.usable, baseline, each.noise, rivals) for each in more):
             if slower.sight.looked.log_evidence > begun.sight.looked.log_evidence + _SLOW:
                 begun = slower
         return begun._doubting_conditions(baseline)
@@ -56,14 +58,14 @@ class Begun:
         if not known.unread:
             return self
         wider = replace(self.usable, known=known.doubting_conditions())
-        doubting = type(self).in_noise(wider, baseline, self.noise)
+        doubting = type(self).in_noise(wider, baseline, self.noise, self.sight.bench.rivals)
         likelier = doubting.sight.looked.log_evidence > self.sight.looked.log_evidence + _OFF_NOMINAL
         return doubting if likelier else self
 
     @classmethod
-    def in_noise(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise]) -> Self:
-        """The same in a noise that is known."""
-        sight = FirstSight.of(usable.observations, baseline, usable.known, noise)
+    def in_noise(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise], rivals: Leftovers) -> Self:
+        """The same in a noise that is known, beside what may be left over."""
+        sight = FirstSight.of(usable.observations, baseline, usable.known, noise, rivals)
         return cls(usable=usable, noise=noise, sight=sight)
 
     def asking(self, onset: Onset) -> Self:
@@ -83,8 +85,10 @@ class Begun:
         usable = self.usable.as_explained(refinery, fit)
         if usable is self.usable:
             return None
-        names = [channel.name for channel in usable.observations.channels]
-        return Begun.in_noise(usable, refinery.baseline, [n for n in self.noise if n.channel in names])
+        o, baseline = usable.observations, refinery.baseline
+        names = [channel.name for channel in o.channels]
+        noise = [entry for entry in self.noise if entry.channel in names]
+        return Begun.in_noise(usable, baseline, noise, leftovers_of(o, baseline, usable.known))
 
 
 def leading_by_far(tangents: Sequence[Fit]) -> Fit | None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from models.diagnosis.lines import Lines
 from models.diagnosis.observations import Observations
 from models.diagnosis.signatures import Signatures
 from sim.model import Model
-from sim.simulate import Result
+from sim.simulate import Result, answering
 from sim.spread import shifted_together
 
 Array = NDArray[np.float64]
@@ -188,6 +189,13 @@ class Refinery:
             return None
         effects = [(t.signature.key, t.distance) for t in fit.terms]
         return self.lines.at(spreads, effects) + fit.bend
+
+    def near_to(self, fit: Fit) -> Self:
+        """The same for hypotheses about a simulated fit: what is simulated responds as it does there."""
+        state = np.asarray(fit.spreads)
+        if self.near is None or not fit.terms or (unknowns := self._start(fit, state)) is None:
+            return self
+        return replace(self, near=answering(self.near, self.model(fit, state), unknowns))
 
     def sharpened(self, fits: Sequence[Fit]) -> list[Fit]:
         """The fits with slopes that are simulated at their values, all spreads as they are."""

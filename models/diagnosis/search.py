@@ -51,6 +51,7 @@ def search(refinery: Refinery) -> list[Fit]:
     """Nothing, every effect alone, and the pairs and triples in reach, all fitted; without leftover."""
     fits, scans = _alone(refinery, on_tangents(refinery))
     straight = [*(_term(s) for s in refinery.known.effects), *_secants(fits[0], scans)]
+    refinery = refinery.near_to(max(fits, key=refinery.log_probability))
     for size, most in ((2, _PAIRS), (3, _TRIPLES)):
         larger = _larger(refinery, fits, straight, size, most)
         if not larger:

@@ -78,6 +78,12 @@ class Setting:
         return np.asarray(widest.amplitude * known.basis[widest.columns])
 
 
+def leftovers_of(observations: Observations, baseline: Model, known: Signatures) -> Leftovers:
+    """All that may be left over: none of it asks how far heat lags behind, or conditions are doubted."""
+    steps = sensor_steps(observations, known)
+    return leftovers(observations, known.per_watt, size("power", baseline.converter), steps)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FirstSight:
     """One look at what the best tangent leaves, and every effect on its tangent in the setting that this tells of."""
@@ -87,15 +93,14 @@ class FirstSight:
 
     @classmethod
     def of(
-        cls, observations: Observations, baseline: Model, known: Signatures, noise: list[ChannelNoise]
+        cls,
+        observations: Observations,
+        baseline: Model,
+        known: Signatures,
+        noise: list[ChannelNoise],
+        rivals: Leftovers,
     ) -> Self:
-        """With the noise of replicates to begin with."""
-        rivals = leftovers(
-            observations,
-            known.per_watt,
-            size("power", baseline.converter),
-            sensor_steps(observations, known),
-        )
+        """With the noise of replicates to begin with, beside what may be left over."""
         noiseless = noiseless_covariance(observations, known)
         bench = _Bench(observations, baseline, known, noise, rivals, noiseless)
         return cls(bench=bench, looked=bench.settled(bench.begun(sigma_of(observations, noise)), looks=1))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from sim.effects.catalogue import CATALOGUE
 from sim.fixed_point import operate
@@ -12,7 +13,7 @@ from sim.neighbours import Response, approach, settled_alone
 from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.prototype import prototype
-from sim.simulate import Result, reference, simulate, simulate_each, simulate_many
+from sim.simulate import Result, answering, reference, simulate, simulate_each, simulate_many
 from sim.station import Station, station_of
 
 COUNT = 40
@@ -177,7 +178,7 @@ def test_an_unknown_start_is_that_of_the_neighbour() -> None:
 
 
 def test_processes_find_what_one_finds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.simulate._WORTH_SHARING", 1)
+    monkeypatch.setattr("sim.shares._SENT", -10_000)  # so few rows are not worth it
     near = reference(Model.baseline(), points())
     models = [Model.baseline().with_effect("link_resistance", **{HEAD: x}) for x in (0.01, 0.02, 0.03)]
     cases = [(model, points()) for model in models]
@@ -185,3 +186,29 @@ def test_processes_find_what_one_finds(monkeypatch: pytest.MonkeyPatch) -> None:
         # rows solved beside others take the same steps, but for the last bits
         np.testing.assert_allclose(two["P1_W"], one["P1_W"], rtol=1e-9)
         assert two.state.shape == one.state.shape
+
+
+def inverses_of(result: Result) -> NDArray[np.float64]:
+    assert result.seed is not None
+    assert result.seed.response is not None
+    return result.seed.response.inverse
+
+
+def test_a_response_of_another_model_leads_to_the_same_solutions() -> None:
+    near = reference(Model.baseline(), points())
+    warmer = Model.baseline().with_effect("link_resistance", **{HEAD: 0.2})
+    (there,) = simulate_each([(warmer, points())], near)
+    about = answering(near, warmer, there.state)
+    assert not np.array_equal(inverses_of(about), inverses_of(near))
+    further = [(Model.baseline().with_effect("link_resistance", **{HEAD: x}), points()) for x in (0.15, 0.25)]
+    for one, other in zip(simulate_each(further, near), simulate_each(further, about), strict=True):
+        # both end where a last step is short: what it is right to, relative
+        np.testing.assert_allclose(other["P1_W"], one["P1_W"], rtol=1e-6)
+
+
+def test_where_another_model_was_not_solved_the_response_is_that_of_the_neighbour() -> None:
+    near = reference(Model.baseline(), points())
+    unknown = np.full_like(simulate_each([(Model.baseline(), points())], near)[0].state, np.nan)
+    about = answering(near, Model.baseline(), unknown)
+    # differences over a thousandth of a unit, about states that agree to a last step
+    np.testing.assert_allclose(inverses_of(about), inverses_of(near), rtol=1e-3, atol=1e-3)

@@ -10,7 +10,7 @@ from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.noise import Replicates, estimate_noise
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.setting import FirstSight, set_up
+from models.diagnosis.setting import FirstSight, leftovers_of, set_up
 from models.diagnosis.signatures import Signatures, signatures
 from models.diagnosis.verdict import BY_CHANCE
 from sim.model import Model
@@ -41,7 +41,8 @@ def found(bench: tuple[Observations, Signatures], *channels: str) -> list[Confir
     off = np.any([observations.of(name) for name in channels], axis=0) & (observations.row == ROW)
     observations = replace(observations, value=observations.value + ERROR_W * off)
     noise = estimate_noise(observations, Replicates.of(observations), observations.value - known.baseline)
-    setting = set_up(FirstSight.of(observations, Model.baseline(), known, noise))
+    rivals = leftovers_of(observations, Model.baseline(), known)
+    setting = set_up(FirstSight.of(observations, Model.baseline(), known, noise, rivals))
     assert np.all(setting.sigma[off] > 3 * setting.usual[off])  # taken for outliers, all of them
     nothing = Hypothesis(fit=Fit.nothing(observations.value.size), leftover=None, probability=1.0)
     return [c for c in confirmed(setting, nothing) if c.sigma > BY_CHANCE]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from models.diagnosis.covariance import locations, smooth_covariance
 from models.diagnosis.noise import Replicates, estimate_noise
 from models.diagnosis.observations import Observations, observe
-from models.diagnosis.setting import FirstSight, Setting, set_up
+from models.diagnosis.setting import FirstSight, Setting, leftovers_of, set_up
 from models.diagnosis.signatures import Signatures, signatures
 from sim.model import Model
 from sim.prototype import prototype
@@ -45,7 +45,8 @@ def setting(observations: Observations, known: Signatures, error_W: Array | floa
     off = replace(observations, value=observations.value + error_W).take(kept)
     there = known.take(kept)
     noise = estimate_noise(off, Replicates.of(off), off.value - there.baseline)
-    return set_up(FirstSight.of(off, Model.baseline(), there, noise))
+    rivals = leftovers_of(off, Model.baseline(), there)
+    return set_up(FirstSight.of(off, Model.baseline(), there, noise, rivals))
 
 
 def wrong_by_doubt(observations: Observations, known: Signatures, seed: int) -> Array:
