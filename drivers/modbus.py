@@ -159,20 +159,20 @@ class ModbusDevice:
         """The raw value to send, or ``LimitError``: the same comparison in counts that the device makes."""
         if register.type == "bool":
             return bool(value)
-        per_count = self._per_count(register)
+        per_count, ceiling = self._per_count(register), self.ceilings.get(register.name, math.inf)
         lowest, highest = self._allowed_counts(register)
-        if register.name in self.ceilings:
-            highest = min(highest, math.floor(self.ceilings[register.name] / per_count * ROUNDED_UP))
         counts = value / per_count
-        if not lowest - 0.5 <= counts < highest + 0.5:  # False for NaN, too
+        by_device = lowest - 0.5 <= counts < highest + 0.5  # False for NaN, too
+        if not (by_device and value <= ceiling * ROUNDED_UP):
             raise LimitError(
                 f"{register.name} = {value:g} {register.unit} is outside what {self.map.series} and bench allow, "
-                f"{lowest * per_count:g} to {highest * per_count:g} {register.unit}; nothing was sent",
+                f"{lowest * per_count:g} to {min(highest * per_count, ceiling):g} {register.unit}; nothing was sent",
                 **self._context(register),
             )
         if register.type == "f32":
             return float(counts)
-        return min(max(round(counts), int(lowest)), int(highest))
+        most = math.floor(min(highest, ceiling / per_count * ROUNDED_UP))  # nothing is rounded up beyond the ceiling
+        return min(max(round(counts), int(lowest)), most)
 
     def _allowed_counts(self, register: Register) -> tuple[float, float]:
         per_count = self._per_count(register)

@@ -64,6 +64,22 @@ def test_a_value_outside_the_limits_is_refused_with_what_is_allowed(wires: Wired
         wires.device.write("set_voltage", value)
 
 
+@settings(max_examples=200, deadline=None)
+@given(ceiling_A=st.floats(0.01, 9.9))
+def test_the_very_ceiling_of_a_bench_can_be_set_and_nothing_above_reaches_the_wire(
+    wires: Wired, ceiling_A: float
+) -> None:
+    wires.device.ceilings = {"set_current": ceiling_A}
+    try:
+        wires.device.write("set_current", ceiling_A)
+        held_A = wires.mock.counts["set_current"] * 30 / 0xCCCC
+        assert ceiling_A - 30 / 0xCCCC < held_A <= ceiling_A * (1 + 1e-8)  # down to a count
+        with pytest.raises(LimitError, match="nothing was sent"):
+            wires.device.write("set_current", 1.0001 * ceiling_A)
+    finally:
+        wires.device.ceilings = {}
+
+
 def test_limits_are_the_devices_own_in_si_units(wires: Wired) -> None:
     lowest_V, highest_V = wires.device.limits("set_voltage")
     assert highest_V == pytest.approx(320.0, abs=500 / 0xCCCC)  # one count
