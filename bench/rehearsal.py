@@ -6,13 +6,14 @@ not: nothing of a rehearsal is kept beside what was measured.
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bench.campaign import run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
 from bench.errors import BenchError
 from bench.job import CampaignOutcome, Job
+from bench.prediction import model_of
 from bench.progress import Progress, silent
 from bench.store import Store
 from bench.store.failures import Failures
@@ -20,8 +21,10 @@ from bench.toml_file import read_toml
 from drivers.clock import StepClock
 from drivers.errors import InstrumentError
 from drivers.mocks.faults import DATABASE, FaultFile, Struck
+from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.plant import Plant
 from drivers.mocks.rack import Rack
+from sim.parameters import Converter
 
 AGAIN_S = 8.0  # real time that a mock instrument may be gone
 # With what faults may silence: a sound mock on a busy machine takes longer than half a second. Late ones say how late.
@@ -54,9 +57,9 @@ def rehearse(
     seed: int = 1,
     progress: Callable[[Progress], None] = silent,
 ) -> Rehearsal:
-    """Run ``campaign`` on mock instruments under the limits of ``bench``."""
+    """Run ``campaign`` on mock instruments under the limits of ``bench``, at its voltages, with parts of its model."""
     clock = StepClock()
-    plant = Plant.virtual(seed=seed, hidden={}, clock=clock)
+    plant = Plant(Laboratory.draw(seed=seed, converter=_converter(bench)), clock=clock, seed=seed)
     with tempfile.TemporaryDirectory(prefix="d2ea-rehearsal-") as folder, Rack(plant, faults=faults) as rack:
         virtual = rehearsed(bench, rack, faults)
         with Store(f"sqlite:///{folder}/rehearsal.sqlite") as store:
@@ -80,6 +83,12 @@ def rehearse(
                 power_off=str(row.get("power_off") or "not recorded"),
                 struck=tuple(s for injector in rack.injectors.values() for s in injector.struck),
             )
+
+
+def _converter(bench: BenchConfig) -> Converter:
+    """What the mock bench's parts scatter around."""
+    own = bench.converter
+    return replace(model_of(own).converter, V1_V=own.input_voltage_V, V2_V=own.output_voltage_V)
 
 
 def rehearsed(bench: BenchConfig, rack: Rack, faults: FaultFile) -> BenchConfig:

@@ -27,6 +27,17 @@ def test_a_rehearsal_runs_to_its_end_and_keeps_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_mock_bench_has_the_voltages_of_the_real_one() -> None:
+    low = bench_config(
+        converter={"input_voltage_V": 60.0, "output_voltage_V": 28.0},
+        limits={"voltage_V": 80.0, "current_A": 3.0, "power_W": 100.0, "output_voltage_V": 40.0},
+    )
+    campaign = campaign_config(plan=PLAN, ranges={"power_W": [20.0, 60.0]}, measure={"samples": 2})
+    went = rehearse(campaign, low, NO_FAULTS)
+    assert went.error is None
+    assert went.accepted == went.planned
+
+
 def test_a_disturbance_from_the_file_is_survived_and_listed() -> None:
     went = rehearse(CAMPAIGN, bench_config(), faults({"instrument": "load", "kind": "silence", "after": 40}))
     assert went.error is None

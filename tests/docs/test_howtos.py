@@ -69,6 +69,22 @@ def run(command: Command) -> int:
     return int(ended.value.code or 0)
 
 
+@pytest.mark.parametrize(
+    "page", [HOW_TO / "connect-a-real-bench.md", ROOT / "docs" / "files.md"], ids=lambda page: page.stem
+)
+def test_a_pages_own_bench_takes_its_limits_and_voltages(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written = files(page)
+    Path("bench.toml").write_text(written["bench.toml"])
+    few = CAMPAIGN.replace("points = 16", "points = 1\nstandby = 1\nno_load = 0")
+    Path("campaign.toml").write_text(written.get("first-check.toml", few))
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["run", "campaign.toml", "--bench", "bench.toml", "--rehearse"])
+    assert not ended.value.code
+
+
 def test_the_first_check_of_a_real_bench(started: Started) -> None:
     page = HOW_TO / "connect-a-real-bench.md"
     with started(FaultFile()):
