@@ -7,6 +7,7 @@ each with its line, the value found, and what is allowed.
 import hashlib
 import json
 import re
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -160,24 +161,24 @@ class BenchConfig(Section):
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:
-        if self.speed != 1.0 and not self.virtual:
-            raise ValueError(f"speed = {self.speed:g}: only a virtual bench can run at another speed than 1")
-        if self.analyzer.update_s > self.controller.heartbeat_s:
-            raise ValueError(
-                f"analyzer.update_s = {self.analyzer.update_s:g} must not exceed controller.heartbeat_s = "
-                f"{self.controller.heartbeat_s:g}: waiting for an update would starve the heartbeat"
-            )
-        if self.converter.input_voltage_V > self.limits.voltage_V:
-            raise ValueError(
-                f"converter.input_voltage_V = {self.converter.input_voltage_V:g} is above "
-                f"limits.voltage_V = {self.limits.voltage_V:g}"
-            )
-        if self.converter.output_voltage_V > self.limits.output_voltage_V:
-            raise ValueError(
-                f"converter.output_voltage_V = {self.converter.output_voltage_V:g} is above "
-                f"limits.output_voltage_V = {self.limits.output_voltage_V:g}"
-            )
+        if wrong := list(self._contradictions()):
+            raise ValueError("; ".join(wrong))
         return self
+
+    def _contradictions(self) -> Iterator[str]:
+        """What no single key is wrong in."""
+        analyzer, controller, limits, converter = self.analyzer, self.controller, self.limits, self.converter
+        if self.speed != 1.0 and not self.virtual:
+            yield f"speed = {self.speed:g}: only a virtual bench can run at another speed than 1"
+        if analyzer.update_s > controller.heartbeat_s:
+            yield (
+                f"analyzer.update_s = {analyzer.update_s:g} must not exceed controller.heartbeat_s = "
+                f"{controller.heartbeat_s:g}: waiting for an update would starve the heartbeat"
+            )
+        for key, limit in (("input_voltage_V", "voltage_V"), ("output_voltage_V", "output_voltage_V")):
+            set_V, most_V = getattr(converter, key), getattr(limits, limit)
+            if set_V > most_V:
+                yield f"converter.{key} = {set_V:g} is above limits.{limit} = {most_V:g}"
 
     def settings(self) -> dict[str, object]:
         """All of it as plain data but the database's URL, which may hold a password."""

@@ -53,6 +53,10 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
         ({"virtual": False, "speed": 5.0}, "only a virtual bench"),
         ({"analyzer": {**BENCH["analyzer"], "update_s": 5.0}}, "would starve the heartbeat"),
         ({"limits": {**BENCH["limits"], "voltage_V": 200}}, "above limits.voltage_V = 200"),
+        (
+            {"limits": {**BENCH["limits"], "voltage_V": 200, "output_voltage_V": 100}},
+            "above limits.voltage_V = 200; converter.output_voltage_V = .* limits.output_voltage_V = 100",
+        ),
         ({"supply": {"map": "ea_psi900", "resource": "x"}}, "no register map 'ea_psi900'"),
         ({"analyzer": {"model": "wt300", "resource": "x"}}, "no analyzer model 'wt300'"),
         ({"analyzer": {"resource": "x", "wiring": {"input": 1, "output": 1}}}, "element of its own"),
