@@ -16,6 +16,7 @@ from typer.main import get_command
 
 from bench.cli import build
 from bench.config import BenchConfig, CampaignConfig, Section, check
+from bench.lut_file import STATED
 from bench.store import COLUMNS
 from bench.verdict_wording import VERDICTS
 from bench.wording import MODEL_NAMES, effect_name
@@ -339,4 +340,4 @@ def test_the_check_of_a_change_can_be_run() -> None:
 def test_columns_of_the_table_of_the_best_modulation_are_those_written() -> None:
     listed = first_cells("Table of the best modulation")
     rows = {name: np.zeros(2) for name in ("power_W", "D1", "D2", "predicted", "price", "soft_edges")}
-    assert listed == [*Lut(**rows).frame().columns, "model", "lab"]
+    assert listed == [*Lut(**rows).frame().columns, *STATED]

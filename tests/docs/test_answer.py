@@ -17,6 +17,7 @@ from bench.campaign import run_campaign
 from bench.demo import DemoResult, summary_of
 from bench.diagnosing import answer_of
 from bench.job import Job
+from bench.lut_file import LutOrigin, as_plain
 from bench.lut_on_bench import verified
 from bench.measure import Target, rejected
 from bench.plan import Kind
@@ -34,6 +35,7 @@ from models.diagnosis.race import NextMeasurement
 from models.diagnosis.sensors import SensorError
 from models.diagnosis.stretches import Stretch
 from models.diagnosis.unexplained import Unexplained
+from models.lut import Line, Lut
 from models.optimise import OptimumTable
 from sim.model import Model
 from tests.bench.fake_bench import FakeInstruments, bench_config, campaign_config, predict
@@ -244,6 +246,27 @@ def test_a_summary_is_json_where_a_search_carries_a_load_nowhere(summary: Plain)
 def test_the_steps_of_the_demo_are_those_on_the_page() -> None:
     told = PAGE.read_text(encoding="utf-8").split("### `seconds`")[1].split("###")[0]
     assert set(re.findall(r"`(\w+)`", told)) == set(steps_of_the_demo())
+
+
+def lut_as_written(*, half_width: float, dip: float) -> Plain:
+    line = Line(
+        low_W=400.0, high_W=800.0, carries=False, zero_state_appears=True, lost_edges=("primary_rise",), dip=dip
+    )  # fmt: skip
+    rows = {name: np.ones(2) for name in ("power_W", "D1", "D2", "predicted", "price", "soft_edges")}
+    lut = Lut(**rows, half_width=half_width, lines=(line,), left_out_W=(900.0,))
+    origin = LutOrigin(model="0123", kind="d2ea", data_sha256="ab", data="x.csv", lab="hardware")
+    return json.loads(json.dumps(as_plain(lut, origin), allow_nan=False))  # type: ignore[no-any-return]
+
+
+def test_every_key_of_a_table_as_json_is_on_the_page_and_no_other() -> None:
+    known, unknown = lut_as_written(half_width=0.01, dip=0.0), lut_as_written(half_width=np.nan, dip=np.inf)
+    there, said = written(known, unknown), documented("A table as JSON")
+    units = {path for path in there if path.startswith("units.")}
+    assert set(there) - units == set(said) - {"units.<column>"}
+    assert {path.removeprefix("units.") for path in units} == {"P_W", "D1", "D2", "predicted"}
+    assert not {p: v for p in set(there) - units for v in there[p] if not is_of(v, said[p])}
+    left_open = {path for path in there if None in there[path]}
+    assert left_open == {path for path, kind in said.items() if "null" in kind}
 
 
 # --- NOMENCLATURE.md: the tables that are written ------------------------------------------------------
