@@ -12,14 +12,16 @@ from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 from typer.main import get_command
 
 from bench.cli import build
-from bench.config import BenchConfig, CampaignConfig, Section, check
+from bench.config import BenchConfig, CampaignConfig, check
 from bench.lut_file import STATED
 from bench.store import COLUMNS
 from bench.verdict_wording import VERDICTS
 from bench.wording import MODEL_NAMES, effect_name
+from drivers.mocks.faults import FaultFile
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
 from models.lut import Lut
@@ -164,12 +166,14 @@ DIMENSIONLESS = {
         "start", "at_once", "candidates", "probability", "optimum", "lost", "spread", "samples",
         "power_tolerance", "voltage_tolerance",
     },
+    "faults.toml": {"seed", "after", "every", "count", "chance", "value"},
 }  # fmt: skip
 # Keys that have a unit and do not end in it, as NOMENCLATURE.md says.
 UNIT_NOT_TOLD = {
     "converter": {"k"},
     "bench.toml": {"baud", "ranges"},
     "campaign.toml": {"minutes", "every", "slope"},
+    "faults.toml": {"seconds"},
 }
 
 
@@ -177,7 +181,7 @@ def numbers_of(kind: type) -> Iterator[str]:
     """Names of the fields of an object, and of the objects in it, that hold a number or several."""
     for name, hint in get_type_hints(kind).items():
         inside = [each for each in _types_in(hint) if isinstance(each, type)]
-        owners = [each for each in inside if is_dataclass(each) or issubclass(each, Section)]
+        owners = [each for each in inside if is_dataclass(each) or issubclass(each, BaseModel)]
         for owner in owners:
             yield from numbers_of(owner)
         if not owners and {int, float} & set(inside) and name not in ("tolerances", "model_config"):
@@ -192,7 +196,12 @@ def _types_in(hint: object) -> Iterator[object]:
 
 @pytest.mark.parametrize(
     ("file", "kind"),
-    [("converter", Converter), ("bench.toml", BenchConfig), ("campaign.toml", CampaignConfig)],
+    [
+        ("converter", Converter),
+        ("bench.toml", BenchConfig),
+        ("campaign.toml", CampaignConfig),
+        ("faults.toml", FaultFile),
+    ],
 )
 def test_numbers_in_files_end_in_a_listed_unit_or_need_none(file: str, kind: type) -> None:
     plain = {name for name in numbers_of(kind) if ending(name) not in listed_units()}

@@ -8,28 +8,35 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 import pytest
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from bench.config import BenchConfig, CampaignConfig, Section
+from bench.config import BenchConfig, CampaignConfig
 from bench.model_file import KEYS
 from bench.toml_file import to_toml
+from drivers.mocks.fault_kinds import KINDS, WIRES
+from drivers.mocks.faults import DATABASE, DATABASE_KINDS, FaultFile
 from sim.converter_data import ConverterDataError, converter_from_plain
 from sim.parameters import Converter
 from tests.docs.tables import Row, tables
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "files.md"
-FILES: dict[str, type[Section]] = {"bench.toml": BenchConfig, "campaign.toml": CampaignConfig}
+FILES: dict[str, type[BaseModel]] = {
+    "bench.toml": BenchConfig,
+    "campaign.toml": CampaignConfig,
+    "faults.toml": FaultFile,
+}
 BOUNDS = ("ge", "gt", "le", "lt")
 
 
-def section_in(annotation: object) -> type[Section] | None:
+def section_in(annotation: object) -> type[BaseModel] | None:
     """The table of a file that a key opens, or one of several; None for a value."""
-    if isinstance(annotation, type) and issubclass(annotation, Section):
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((found for arg in get_args(annotation) if (found := section_in(arg))), None)
 
 
-def sections(kind: type[Section], path: str = "") -> Iterator[tuple[str, type[Section]]]:
+def sections(kind: type[BaseModel], path: str = "") -> Iterator[tuple[str, type[BaseModel]]]:
     """Every table of a file by its path, the file itself first."""
     yield path, kind
     for name, field in kind.model_fields.items():
@@ -37,7 +44,7 @@ def sections(kind: type[Section], path: str = "") -> Iterator[tuple[str, type[Se
             yield from sections(found, f"{path}.{name}".lstrip("."))
 
 
-def values(kind: type[Section]) -> dict[str, FieldInfo]:
+def values(kind: type[BaseModel]) -> dict[str, FieldInfo]:
     """The keys of a table that are no tables themselves."""
     return {name: f for name, f in kind.model_fields.items() if not section_in(f.annotation)}
 
@@ -99,6 +106,14 @@ def test_bounds_and_choices_stand_beside_every_key(file: str) -> None:
             told = set(re.findall(r"\d+(?:\.\d+)?|[a-z_]+", rows[path, key][1]))
             assert allowed(field) <= told, f"{path}.{key}"
             assert rows[path, key][3], f"{path}.{key}"
+
+
+def test_the_kinds_of_faults_are_on_the_page_with_what_each_can_happen_to() -> None:
+    wires = {name: {at for at, of in WIRES.items() if of & kind.wires} for name, kind in KINDS.items()}
+    there = wires | {name: {DATABASE} for name in DATABASE_KINDS}
+    rows = next(table.rows for table in tables(PAGE) if table.part == "Kinds of faults")
+    whole = {"all four instruments": set(WIRES)}
+    assert {kind: whole.get(at, set(at.split(", "))) for kind, at, _ in rows} == there
 
 
 def test_the_keys_of_a_model_file_are_on_the_page() -> None:
