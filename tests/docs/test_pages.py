@@ -12,8 +12,9 @@ from bench import cli
 from bench.cli import build
 from bench.config import read_bench, read_campaign
 from bench.model_file import read_model
-from drivers.modbus_map import load_map
+from drivers.modbus_map import Flag, IdentityRegisters, ModbusMap, Modes, Register, Watchdog, load_map
 from tests.docs.console import Command, commands, files
+from tests.docs.tables import tables
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -59,6 +60,16 @@ def test_a_documented_file_can_be_read(name: str, text: str, tmp_path: Path) -> 
         assert load_map(path).kind == "supply"
     else:
         assert read_campaign(path).name
+
+
+def test_every_key_of_a_register_map_is_explained() -> None:
+    page = ROOT / "docs" / "how-to" / "add-an-instrument-map.md"
+    told = {word for table in tables(page) for row in table.rows for word in re.findall(r"\w+", row[0])}
+    top_and_register = {*ModbusMap.model_fields, *Register.model_fields} - {"registers", "name"}
+    assert top_and_register <= told
+    text = page.read_text(encoding="utf-8")
+    inside = {name for kind in (Flag, IdentityRegisters, Modes, Watchdog) for name in kind.model_fields}
+    assert inside <= set(re.findall(r"\w+", text))
 
 
 def test_documented_simulations_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
