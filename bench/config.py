@@ -1,7 +1,7 @@
 """The operator's files as checked objects: bench.toml and campaign.toml.
 
-Unknown keys are refused and the nearest known one is named; all problems of a file are reported at once,
-each with its line, the value found, and what is allowed.
+Unknown keys are refused and the nearest known one is named; all problems of its keys are reported at once, each with
+its line, the value found, and what is allowed, and after them what contradicts itself.
 """
 
 import hashlib
@@ -88,7 +88,7 @@ class DcDeviceConfig(Section):
 
     map: str = Field(min_length=1, description="name of a register map in drivers/maps")
     resource: str = Field(min_length=1, description="tcp://host:port, or a serial device")
-    unit: int = Field(default=0, ge=0, le=247, description="Modbus unit, 0 to 247")
+    unit: int | None = Field(default=None, ge=0, le=247, description="Modbus unit; as delivered unless given")
     baud: int = Field(default=115200, gt=0, description="baud rate of a serial device")
     timeout_s: Positive = Field(default=1.0, le=60.0, description="longest wait for a reply, in real seconds")
     lateness_s: Positive = Field(default=1.0, le=60.0, description="no reply comes later after its deadline")

@@ -1,13 +1,16 @@
 """The operator's files: every problem at once, with line, value and what is allowed."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from bench.config import BenchConfig, check, config_hash, read_bench, read_campaign
+from bench.config import BenchConfig, DcDeviceConfig, check, config_hash, read_bench, read_campaign
+from bench.connect import _modbus
 from bench.errors import InputError
 from bench.toml_file import line_of, read_toml, to_toml
 from bench.whole_file import write_whole
+from drivers.modbus_map import load_map
 from tests.bench.fake_bench import BENCH, CAMPAIGN, bench_config, campaign_config
 
 
@@ -66,6 +69,15 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
 def test_a_bench_that_contradicts_itself_is_refused(change: dict[str, object], said: str) -> None:
     with pytest.raises(InputError, match=said):
         check({**BENCH, **change}, BenchConfig, file="bench.toml")
+
+
+def test_a_device_has_the_unit_as_delivered_unless_the_file_says_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("bench.connect.open_link", lambda *_args, **_options: SimpleNamespace(disturbances=0))
+    for more, unit in ({}, load_map("riden_rd60xx").unit), ({"unit": 7}, 7):
+        config = DcDeviceConfig(map="riden_rd60xx", resource="/dev/ttyUSB0", **more)
+        assert _modbus(config, {}, None).unit == unit
 
 
 def test_a_plan_refuses_fields_of_another_kind() -> None:
