@@ -31,13 +31,14 @@ class Job:
         *,
         predict: Predictor | None = None,
         file: str = "campaign.toml",
+        bench_file: str = "",
     ) -> "Job":
-        """Plan the campaign; InputError names ``file`` and what is wrong with its points."""
+        """Plan the campaign; InputError names ``file``, or ``bench_file``, and what is wrong with its points."""
         predict = predict or SimulatedConverter.of(bench.converter)
         return cls(
             campaign=campaign,
             bench=bench,
-            plan=make_plan(campaign, bench, predict, file=file),
+            plan=make_plan(campaign, bench, predict, file=file, bench_file=bench_file),
             predict=predict,
             choose=chooser(campaign, bench, predict, file=file),
         )

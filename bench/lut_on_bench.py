@@ -94,8 +94,8 @@ def following(rows: tuple[TableRow, ...]) -> Surroundings:
     return Surroundings(connect=open_)
 
 
-def verification(table: pd.DataFrame, config: BenchConfig, *, name: str) -> Job:
-    """The campaign that measures a table: every load of it and one between each two."""
+def verification(table: pd.DataFrame, config: BenchConfig, *, name: str, bench_file: str = "") -> Job:
+    """The campaign that measures a table on the bench of ``bench_file``: every load and one between each two."""
     simulated = SimulatedConverter.of(config.converter)
     loads_W = [float(power_W) for power_W in table["P_W"]]
     loads_W = sorted([*loads_W, *((low + high) / 2 for low, high in pairwise(loads_W))])
@@ -112,7 +112,7 @@ def verification(table: pd.DataFrame, config: BenchConfig, *, name: str) -> Job:
         "heat_margin": 0.0,
     }
     campaign = check({"name": name, "plan": plan}, CampaignConfig, file=name)
-    return Job.prepare(campaign, config, predict=simulated, file=name)
+    return Job.prepare(campaign, config, predict=simulated, file=name, bench_file=bench_file)
 
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -76,15 +76,24 @@ class Plan:
         left_out = sum(self.infeasible.values())
         if not left_out:
             return f"{len(self.points)} rows ({parts}); all {self.tried} set points tried are feasible"
-        reasons = "; ".join(f"{count} × {reason}" for reason, count in self.infeasible.items())
         return (
             f"{len(self.points)} rows ({parts}); "
-            f"{left_out} of {self.tried} set points tried are infeasible: {reasons}"
+            f"{left_out} of {self.tried} set points tried are infeasible: {_listed(self.infeasible)}"
         )
 
 
-def make_plan(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, *, file: str) -> Plan:
-    """The plan of ``campaign`` on ``bench``; InputError (naming ``file``) for points outside its limits."""
+def _listed(reasons: Mapping[str, int]) -> str:
+    """Why set points were left out, each reason with its count."""
+    return "; ".join(f"{count} × {reason}" for reason, count in reasons.items())
+
+
+def make_plan(
+    campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, *, file: str, bench_file: str = ""
+) -> Plan:
+    """The plan of ``campaign`` on ``bench``; InputError for points outside its limits.
+
+    It names ``file`` of the campaign, or ``bench_file``; the bench itself where that is not known.
+    """
     rng = np.random.default_rng(campaign.seed)
     plan = campaign.plan
     _refuse_outside_limits(campaign, bench, file)
@@ -99,9 +108,11 @@ def make_plan(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, 
         feasible, left_out = _reachable(candidates, predict)
         tried = len(candidates)
     if not len(feasible):
-        raise InputError.of(file, "plan", None, f"none of {tried} set points is feasible: {dict(left_out)}")
+        said = f"none of {tried} set points is feasible: {_listed(left_out)}; {_what_helps(plan)}"
+        raise InputError.of(file, "plan", None, said)
     reference = _reference(plan, feasible, predict, file)
-    start = _start(bench, max(feasible[:, 2].max(), reference.power_W), predict)
+    largest_W = max(feasible[:, 2].max(), reference.power_W)
+    start = _start(bench, largest_W, predict, bench_file or f"bench {bench.name!r}")
     rows = _rows(plan, feasible, (reference, start), rng)
     most = _budget(plan, len(rows), file)
     return Plan(points=tuple(_numbered(rows)), tried=tried, infeasible=dict(left_out), most=most)
@@ -167,12 +178,16 @@ def _latin_hypercube(
             keep = np.sort(rng.choice(len(feasible), wanted, replace=False))
             return feasible[keep], size, left_out
         size = max(size + 1, math.ceil(1.1 * size * wanted / max(len(feasible), 1)))
-    raise InputError.of(
-        file,
-        "ranges",
-        None,
-        f"hold fewer than {wanted} feasible points in {size} tries ({dict(left_out)}); widen them",
+    said = f"hold fewer than {wanted} feasible points in {size} tries: {_listed(left_out)}"
+    raise InputError.of(file, "ranges", None, f"{said}; {_what_helps(campaign.plan)}")
+
+
+def _what_helps(plan: PlanConfig) -> str:
+    """What to do where next to nothing of a plan is feasible."""
+    first = (
+        "change its set points" if plan.kind == "points" else "narrow ranges.power_W, move ranges.D1 and D2"
     )
+    return f"{first}, or check the bench: its limits, its [converter] and the model of that"
 
 
 def _grid(campaign: CampaignConfig) -> Box:
@@ -250,10 +265,16 @@ def _corners(campaign: CampaignConfig) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def _reachable(candidates: Box, predict: Predictor) -> tuple[Box, Counter[str]]:
+    """The feasible ones, and how many of the others have which reason, whatever number it names."""
+    feasible, reasons = _judged(candidates, predict)
+    return candidates[feasible], alike(Counter(reasons))
+
+
+def _judged(candidates: Box, predict: Predictor) -> tuple[NDArray[np.bool_], list[str]]:
+    """Which are feasible, (N,), and why each of the others is not."""
     D1, D2, power_W = candidates.T
     forecast = predict(Asked(D1=D1, D2=D2, power_W=power_W, ambient_C=AMBIENT_C))
-    reasons = alike(Counter(map(str, forecast.reason[~forecast.feasible])))
-    return candidates[forecast.feasible], reasons
+    return forecast.feasible, [str(reason) for reason in forecast.reason[~forecast.feasible]]
 
 
 def _refuse_outside_limits(campaign: CampaignConfig, bench: BenchConfig, file: str) -> None:
@@ -281,21 +302,20 @@ def _reference(plan: PlanConfig, feasible: Box, predict: Predictor, file: str) -
         D1, D2, power_W = feasible[np.argmin((scaled**2).sum(axis=1))]
         return SetPointConfig(D1=float(D1), D2=float(D2), power_W=float(power_W))
     wanted = plan.reference
-    reachable, reasons = _reachable(np.array([[wanted.D1, wanted.D2, wanted.power_W]]), predict)
-    if not len(reachable):
-        raise InputError.of(file, "plan.reference", None, f"is infeasible: {next(iter(reasons))}")
+    _, reasons = _judged(np.array([[wanted.D1, wanted.D2, wanted.power_W]]), predict)
+    if reasons:
+        raise InputError.of(file, "plan.reference", None, f"is infeasible: {reasons[0]}; choose another")
     return wanted
 
 
-def _start(bench: BenchConfig, largest_W: float, predict: Predictor) -> tuple[float, float]:
+def _start(bench: BenchConfig, largest_W: float, predict: Predictor, file: str) -> tuple[float, float]:
     """The modulation to start with; InputError when it does not carry no load and the largest power."""
     D1, D2 = bench.converter.start_D1, bench.converter.start_D2
-    _, reasons = _reachable(np.array([[D1, D2, 0.0], [D1, D2, largest_W]]), predict)
+    _, reasons = _judged(np.array([[D1, D2, 0.0], [D1, D2, largest_W]]), predict)
     if reasons:
-        said = (
-            f"must carry every power from none to {largest_W:.0f} W; the simulator says: {'; '.join(reasons)}"
-        )
-        raise InputError.of("bench.toml", "converter.start_D1, start_D2", (D1, D2), said)
+        why = "; ".join(dict.fromkeys(reasons))
+        said = f"must carry every power from none to {largest_W:.0f} W; the simulator says: {why}"
+        raise InputError.of(file, "converter.start_D1, start_D2", (D1, D2), said)
     return D1, D2
 
 

@@ -68,7 +68,9 @@ class Worker:
         try:
             bench = check(entry.bench_config, BenchConfig, file=where)
             campaign = check(entry.campaign_config, CampaignConfig, file=where)
-            job = Job.prepare(campaign, bench, predict=self.predict, file=where)
+            job = Job.prepare(
+                campaign, bench, predict=self.predict, file=where, bench_file=f"bench of {where}"
+            )
             self.say(f"entry {entry.id} {entry.name!r} begins")
             clock = self.clock_of(bench)
             outcome = run_campaign(

@@ -56,8 +56,12 @@ def rehearse(
     *,
     seed: int = 1,
     progress: Callable[[Progress], None] = silent,
+    bench_file: str = "",
 ) -> Rehearsal:
-    """Run ``campaign`` on mock instruments under the limits of ``bench``, at its voltages, with parts of its model."""
+    """Run ``campaign`` on mock instruments under the limits of ``bench``, at its voltages, with parts of its model.
+
+    ``bench_file`` is where an error says that the bench stands.
+    """
     clock = StepClock()
     plant = Plant(Laboratory.draw(seed=seed, converter=_converter(bench)), clock=clock, seed=seed)
     with tempfile.TemporaryDirectory(prefix="d2ea-rehearsal-") as folder, Rack(plant, faults=faults) as rack:
@@ -68,7 +72,7 @@ def rehearse(
                 failures.after(fault.after, fault.kind, fault.seconds)
             outcome, error = None, None
             try:
-                job = Job.prepare(campaign, virtual, file=campaign.name)
+                job = Job.prepare(campaign, virtual, file=campaign.name, bench_file=bench_file)
                 outcome = run_campaign(job, store, clock, progress=progress)
             except (BenchError, InstrumentError) as stopped:
                 error = stopped

@@ -158,7 +158,7 @@ def run(
     """Run a campaign; the bench is off when it ends, however it ends."""
     config = read_bench(bench_file)
     if rehearse:
-        _rehearse(read_campaign(campaign_file), config, fault)
+        _rehearse(read_campaign(campaign_file), config, fault, str(bench_file))
         return
     if fault is not None:
         raise InputError.of(
@@ -166,7 +166,9 @@ def run(
         )
     with Store(database_url(db, config.database)) as store, stop_on_signals():
         store.benches.refuse(config.name)
-        job = Job.prepare(read_campaign(campaign_file), config, file=str(campaign_file))
+        job = Job.prepare(
+            read_campaign(campaign_file), config, file=str(campaign_file), bench_file=str(bench_file)
+        )
         stamp(config.virtual)
         out.print(escape(job.plan.said()))
         with live() as progress, file_spy(spy) as spies:
@@ -176,12 +178,12 @@ def run(
         _report(outcome, store)
 
 
-def _rehearse(campaign: CampaignConfig, config: BenchConfig, fault: Path | None) -> None:
+def _rehearse(campaign: CampaignConfig, config: BenchConfig, fault: Path | None, bench_file: str) -> None:
     from bench.rehearsal import rehearse  # here: a program that runs a real bench loads no mocks
 
     stamp(virtual=True)
     with live() as progress, stop_on_signals():
-        went = rehearse(campaign, config, faults_in(fault), progress=progress)
+        went = rehearse(campaign, config, faults_in(fault), progress=progress, bench_file=bench_file)
     for struck in went.struck:
         what = f"{struck.fault.kind} at the {struck.fault.instrument}"
         out.print(escape(f"fault: {what}, exchange {struck.exchange}"))

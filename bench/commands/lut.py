@@ -210,7 +210,7 @@ def verify(
         check_folder(out_file.parent, "--out")
     table, config = _for_this_bench(file, bench_file)
     stamp(config.virtual)
-    job = verification(table, config, name=f"verify {file.name}")
+    job = verification(table, config, name=f"verify {file.name}", bench_file=str(bench_file))
     with Store(database_url(db, config.database)) as store, stop_on_signals():
         with live() as progress:
             around = following(table_rows(table))

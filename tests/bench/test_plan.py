@@ -115,13 +115,39 @@ def test_far_from_each_other_goes_by_each_columns_own_range() -> None:
 
 
 def test_ranges_that_hold_next_to_nothing_feasible_are_refused() -> None:
-    with pytest.raises(InputError, match="hold fewer than 40 feasible points"):
+    with pytest.raises(InputError) as caught:
         plan(ranges={"D1": [0.0, 0.3], "D2": [0.4, 0.9]})
+    said = str(caught.value)
+    assert "hold fewer than 40 feasible points in" in said
+    assert "× D1 and D2 carry at most … W; narrow ranges.power_W, move ranges.D1 and D2" in said
+
+
+def test_points_of_which_none_is_feasible_are_refused_with_each_reason_and_what_helps() -> None:
+    points = [{"D1": 0.1, "D2": 0.5, "power_W": 500}, {"D1": 0.2, "D2": 0.5, "power_W": 500}]
+    said = r"none of 2 set points is feasible: 2 × D1 and D2 carry at most … W; change its set points"
+    with pytest.raises(InputError, match=said):
+        plan(kind="points", points=None, set_points=points)
 
 
 def test_an_infeasible_reference_is_refused() -> None:
-    with pytest.raises(InputError, match=r"plan.reference: is infeasible"):
+    with pytest.raises(
+        InputError, match=r"plan.reference: is infeasible: D1 and D2 carry at most 0 W; choose"
+    ):
         plan(reference={"D1": 0.1, "D2": 0.5, "power_W": 500})
+
+
+@pytest.mark.parametrize(
+    ("bench_file", "named"), [("lab/left.toml", "lab/left.toml"), ("", "bench 'fake bench'")]
+)
+def test_a_start_that_does_not_carry_the_power_is_named_with_its_file_and_how_much_it_carries(
+    bench_file: str, named: str
+) -> None:
+    bench = bench_config(converter={"start_D1": 0.1, "start_D2": 0.5})
+    with pytest.raises(InputError) as caught:
+        make_plan(campaign_config(), bench, predict, file="campaign.toml", bench_file=bench_file)
+    said = str(caught.value)
+    assert said.startswith(f"{named}: converter.start_D1, start_D2 = (0.1, 0.5): must carry")
+    assert said.endswith("the simulator says: D1 and D2 carry at most 0 W")
 
 
 def test_points_predicted_beyond_the_limits_are_left_out_and_counted() -> None:

@@ -115,3 +115,12 @@ def test_what_is_stored_of_a_campaign_can_be_read_back() -> None:
     assert CampaignConfig.model_validate(campaign.model_dump(mode="json")) == campaign
     assert {"name", "plan"} <= set(CAMPAIGN)
     assert "database" not in bench_config(**{**BENCH, "database": "sqlite:///x"}).settings()
+
+
+def test_a_bench_that_does_not_carry_the_plan_is_named_as_the_one_of_its_entry(store: Store) -> None:
+    bench = bench_config(converter={"start_D1": 0.1, "start_D2": 0.5}).settings()
+    store.queue.add(campaign_config().model_dump(mode="json"), bench, due=None, every_s=None)
+    worker(store, FakeInstruments()).run_due()
+    (entry,) = store.queue.all()
+    assert entry.said is not None
+    assert entry.said.startswith("failed: bench of queue entry 1: converter.start_D1")
