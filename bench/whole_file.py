@@ -34,10 +34,10 @@ def what_to_do(error: OSError) -> str:
     """What helps where nothing was written.
 
     >>> what_to_do(OSError(errno.ENOSPC, ""))
-    'make room, or name another folder by --out'
+    'make room, or name another folder'
     """
     first = "make room, or " if error.errno in NO_ROOM else ""
-    return f"{first}name another folder by --out"
+    return f"{first}name another folder"
 
 
 @contextmanager

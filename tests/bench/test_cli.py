@@ -112,7 +112,7 @@ def test_where_room_is_missing_what_to_do_is_said(
 ) -> None:
     monkeypatch.setattr("bench.commands.bench.read_bench", no_room)
     assert d2ea("check", "any.toml") == 1
-    assert "the disk is full; make room, or name another folder by --out" in capsys.readouterr().err
+    assert "the disk is full; make room, or name another folder" in capsys.readouterr().err
 
 
 @contextmanager

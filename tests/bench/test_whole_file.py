@@ -46,10 +46,10 @@ def test_an_error_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("code", "said"),
     [
-        (errno.ENOSPC, "the disk is full; make room, or name another folder by --out"),
-        (errno.EROFS, "the file system is read-only; name another folder by --out"),
-        (errno.EACCES, "this user may not write there; name another folder by --out"),
-        (errno.EIO, "Input/output error; name another folder by --out"),
+        (errno.ENOSPC, "the disk is full; make room, or name another folder"),
+        (errno.EROFS, "the file system is read-only; name another folder"),
+        (errno.EACCES, "this user may not write there; name another folder"),
+        (errno.EIO, "Input/output error; name another folder"),
     ],
 )
 def test_what_is_told_is_the_file_itself_why_and_what_to_do(
