@@ -13,6 +13,7 @@ from bench.commands.streams import out
 from bench.errors import InputError
 from bench.processes import behind_the_campaign
 from bench.store import Store, database_url
+from bench.wording import counted
 from models.registry import Registry
 
 app = typer.Typer()
@@ -72,5 +73,12 @@ def read_token(file: Path | None) -> str | None:
     if not token and file is None:
         return None
     if len(token) < SHORTEST_TOKEN:
-        raise InputError.of("token", "length", len(token), f"at least {SHORTEST_TOKEN} characters")
+        where, option = ("environment", TOKEN) if file is None else (str(file), "token")
+        raise InputError.of(where, option, None, _too_short(token))
     return token
+
+
+def _too_short(token: str) -> str:
+    """What is wrong with a token, without saying it, and how to make a better one."""
+    make = "python3 -c 'import secrets; print(secrets.token_urlsafe(24))'"
+    return f"holds {counted(len(token), 'character')}; at least {SHORTEST_TOKEN} are needed: {make} makes a token"

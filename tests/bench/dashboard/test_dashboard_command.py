@@ -23,10 +23,16 @@ def test_another_address_needs_a_token(capsys: pytest.CaptureFixture[str]) -> No
     assert "--host = '0.0.0.0': needs a token: set D2EA_TOKEN" in refused(capsys, "--host", "0.0.0.0")
 
 
-def test_a_short_token_is_no_token(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("token").write_text("short\n")
-    said = refused(capsys, "--host", "0.0.0.0", "--token-file", "token")
-    assert "at least 16 characters" in said
+@pytest.mark.parametrize(
+    ("options", "named"), [(("--token-file", "my.txt"), "my.txt: token:"), ((), "environment: D2EA_TOKEN:")]
+)
+def test_a_short_token_is_no_token(
+    options: tuple[str, ...], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("my.txt").write_text("short\n")
+    monkeypatch.setenv("D2EA_TOKEN", "short")
+    said = " ".join(refused(capsys, "--host", "0.0.0.0", *options).split())
+    assert f"{named} holds 5 characters; at least 16 are needed: python3 -c" in said
     assert "short" not in said
 
 
