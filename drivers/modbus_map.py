@@ -267,6 +267,16 @@ class ModbusMap(Table):
         return tuple(sorted(names, key=lambda n: self.registers[n].address if n in self.registers else -1))
 
 
+def _maps_there_are() -> str:
+    """The maps in ``drivers/maps`` by what they are for; those of analyzers hold no registers."""
+    names: dict[str, list[str]] = {"supply": [], "load": []}
+    for file in sorted((resources.files("drivers") / "maps").iterdir(), key=lambda file: file.name):
+        kind = tomllib.loads(file.read_text("utf-8")).get("kind") if file.name.endswith(".toml") else ""
+        if kind in names:
+            names[kind].append(file.name.removesuffix(".toml"))
+    return "; ".join(f"{', '.join(known)} for a {kind}" for kind, known in names.items())
+
+
 def load_map(name_or_path: str | Path) -> ModbusMap:
     """Read a map by its name in ``drivers/maps`` ("ea_psi9000") or a path to a TOML file.
 
@@ -276,10 +286,8 @@ def load_map(name_or_path: str | Path) -> ModbusMap:
     folder = resources.files("drivers") / "maps"
     source = path if path.suffix == ".toml" else folder / f"{name_or_path}.toml"
     if not source.is_file():
-        known = sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
-        raise MapError(
-            f"no register map {str(name_or_path)!r}; there are {known}, or give a path to a .toml file"
-        )
+        said = f"no register map {str(name_or_path)!r}; there are {_maps_there_are()}"
+        raise MapError(f"{said}. Name one of them, or give a path to a .toml file")
     try:
         return ModbusMap.model_validate(tomllib.loads(source.read_text("utf-8")))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

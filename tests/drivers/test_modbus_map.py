@@ -97,6 +97,7 @@ def test_a_wrong_map_names_file_and_field(tmp_path, line: str, says: str) -> Non
         load_map(path)
 
 
-def test_a_missing_map_lists_those_that_there_are() -> None:
-    with pytest.raises(MapError, match=r"ea_psi9000"):
+def test_a_missing_map_lists_those_that_there_are_by_what_they_are_for() -> None:
+    said = "there are ea_psi9000, riden_rd60xx for a supply; ea_elr9000 for a load. Name one"
+    with pytest.raises(MapError, match=said):
         load_map("ea_psi8000")
