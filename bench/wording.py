@@ -258,6 +258,24 @@ def counted(count: int, thing: str, things: str = "") -> str:
     return f"{count} {thing}" if count == 1 else f"{count} {things or thing + 's'}"
 
 
+def none_of_its_rows(campaign: Mapping[str, Any], kind: str) -> str:
+    """Why a campaign has no rows of a kind, and what there is instead.
+
+    >>> seen = {"id": 3, "shown": "done", "planned": 5, "accepted": 0, "rejected": 5}
+    >>> none_of_its_rows(seen, "rejected")
+    'it is done, and of its 5 rows 0 are accepted and 5 rejected'
+    >>> none_of_its_rows(seen, "accepted").partition("; ")[2]
+    'd2ea export 3 --rejected --out FILE.csv writes those, with the reason of each'
+    """
+    said = f"it is {campaign['shown']}, and of its {campaign['planned']} rows {campaign['accepted']} are accepted and "
+    said += f"{campaign['rejected']} rejected"
+    if campaign["rejected"] and kind == "accepted":
+        said += (
+            f"; d2ea export {campaign['id']} --rejected --out FILE.csv writes those, with the reason of each"
+        )
+    return said
+
+
 def alike(reasons: Mapping[str, int]) -> Counter[str]:
     """Counts of reasons, those that differ in a number only as one.
 

@@ -19,7 +19,7 @@ from bench.states import STOPPED, State
 from bench.store import BenchRow, BenchState, Provenance, Row, Store, database_url
 from bench.store.tables import CHOICE, CHOSEN
 from bench.table_file import file_hash, write_table
-from bench.wording import counted
+from bench.wording import counted, none_of_its_rows
 from models.other_names import OtherName, OtherNameError
 
 app = typer.Typer()
@@ -28,10 +28,10 @@ _ALARMING = {BenchState.UNSAFE: "bold red", BenchState.UNCONFIRMED: "bold yellow
 
 CampaignId = Annotated[int, typer.Argument(metavar="CAMPAIGN_ID", min=1, help="as listed by d2ea runs")]
 Running = Annotated[
-    int | None, typer.Argument(metavar="[CAMPAIGN_ID]", help="else the newest that is running")
+    int | None, typer.Argument(metavar="[CAMPAIGN_ID]", min=1, help="else the newest that is running")
 ]
 Stored = Annotated[
-    int | None, typer.Argument(metavar="[CAMPAIGN_ID]", help="else the newest, running or not")
+    int | None, typer.Argument(metavar="[CAMPAIGN_ID]", min=1, help="else the newest, running or not")
 ]
 
 
@@ -57,7 +57,7 @@ def status(campaign_id: Stored = None, db: Database = None) -> None:
         if not rows:
             out.print("no campaigns yet")
             return
-        row = rows.get(campaign_id or max(rows)) or store.campaign(campaign_id or 0)
+        row = rows[max(rows)] if campaign_id is None else store.campaign(campaign_id)
         events = store.events(row["id"])
         last, told = events[-1:], _choice(events)
         benches = store.benches.all()
@@ -173,23 +173,13 @@ def export(
         campaign = store.campaign(campaign_id)
         table = (store.rejected_table if rejected else store.measurement_table)(campaign_id)
     if not len(table):
-        raise StateError(_nothing_to_export(campaign, rejected))
+        kind = "rejected" if rejected else "accepted"
+        why = none_of_its_rows(campaign, kind)
+        raise StateError(f"campaign {campaign_id} has no {kind} rows, so nothing is written: {why}")
     write_table(table, out_file)
     stamp(campaign["virtual"])
     kind = "rejected row" if rejected else "row"
     out.print(escape(f"{counted(len(table), kind)} of campaign {campaign_id} written to {out_file}"))
-
-
-def _nothing_to_export(campaign: Row, rejected: bool) -> str:
-    """That there are no such rows, why, and what there is instead."""
-    id, kind = campaign["id"], "rejected" if rejected else "accepted"
-    said = f"campaign {id} has no {kind} rows, so nothing is written: it is {campaign['shown']}, and of its "
-    said += (
-        f"{campaign['planned']} rows {campaign['accepted']} are accepted and {campaign['rejected']} rejected"
-    )
-    if campaign["rejected"] and not rejected:
-        said += f"; d2ea export {id} --rejected --out FILE.csv writes those, with the reason of each"
-    return said
 
 
 @app.command("import")

@@ -27,6 +27,7 @@ from bench.wording import (
     counted,
     effect_name,
     minus,
+    none_of_its_rows,
     parameter_text,
     points_text,
     probability_text,
@@ -163,11 +164,12 @@ def measured(data: str, db: str | None) -> tuple[Measurements, int | None, bool]
         table = read_measurements(Path(data))
         return table, None, bool(table.virtual)
     with _store(db) as store:
-        virtual = bool(store.campaign(int(data))["virtual"])
+        campaign = store.campaign(int(data))
         frame: pd.DataFrame = store.measurement_table(int(data))
     if not len(frame):
-        raise InputError.of(f"campaign {data}", "rows", None, "holds no accepted rows")
-    return load_measurements(frame), int(data), virtual
+        said = f"none is accepted, so there is nothing to diagnose: {none_of_its_rows(campaign, 'accepted')}"
+        raise InputError.of(f"campaign {data}", "rows", None, said)
+    return load_measurements(frame), int(data), bool(campaign["virtual"])
 
 
 def _campaign(campaign_id: int | None, db: str | None) -> "Row | None":
@@ -217,7 +219,7 @@ def tell(plain: dict[str, Any]) -> None:
         )
     if gain:
         after = f"{points_text(gain['before'])} points before, {points_text(gain['after'])} after"
-        out.print(f"held-out power bands: {after}")
+        out.print(escape(f"on held-out blocks ({gain['blocks']}): {after}"))
     if plain["rejected_rows"]:
         rows = counted(len({row["row"] for row in plain["rejected_rows"]}), "row")
         out.print(f"all or some readings of {rows} left out; the reasons are in diagnosis.json")

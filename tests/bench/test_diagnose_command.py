@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from bench.cli import main
-from bench.commands.diagnose import MOST_ROWS
+from bench.commands.diagnose import MOST_ROWS, tell
 from bench.model_file import read_model
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule, survey
@@ -51,7 +51,19 @@ def test_writes_answer_model_and_residuals(
     assert answer["causes"][0]["effect"] == "core_loss_transformer"
     assert "core_loss_transformer" in (tmp_path / "d" / "model.toml").read_text()
     assert "residual_P1_W" in pd.read_csv(tmp_path / "d" / "residuals.csv")
-    assert "Cause named: transformer core loss" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "Cause named: transformer core loss" in said
+    assert "on held-out blocks (power band): " in said
+
+
+def test_the_gain_of_rows_at_one_power_is_said_with_the_blocks_that_were_held_out(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    gain = {"before": 0.002, "after": 0.001, "ci95": (0.0005, 0.0015), "blocks": "region of D1 and D2"}
+    gap = {"mean_abs_efficiency": 0.002, "mean_loss_W": 2.0}
+    nothing = dict.fromkeys(("channels", "next", "rejected_rows", "rejected_columns"), ())
+    tell({"points": 40, "gap": gap, "gain": gain, "verdict": "unknown", **nothing})
+    assert "on held-out blocks (region of D1 and D2): " in capsys.readouterr().out
 
 
 def test_how_the_table_was_read_and_what_the_model_holds_is_said(

@@ -67,7 +67,7 @@ def test_export_of_an_unknown_campaign_or_ending_is_refused(capsys: pytest.Captu
     assert d2ea("export", "1", "--out", "x.xls") == 2
 
 
-def test_a_campaign_without_accepted_rows_is_not_exported_but_says_what_is(
+def test_a_campaign_without_accepted_rows_is_neither_exported_nor_diagnosed_but_says_what_there_is(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     fake = FakeInstruments()
@@ -89,6 +89,12 @@ def test_a_campaign_without_accepted_rows_is_not_exported_but_says_what_is(
     )
     assert "d2ea export 1 --rejected --out FILE.csv writes those, with the reason of each" in said
     assert not Path("x.csv").exists()
+    assert d2ea("diagnose", "1") == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert (
+        "campaign 1: rows: none is accepted, so there is nothing to diagnose: it is done, and of its" in said
+    )
+    assert "d2ea export 1 --rejected --out FILE.csv writes those" in said
     assert d2ea("export", "1", "--rejected", "--out", "x.csv") == 0
     assert "is not held at 140 V" in pd.read_csv("x.csv")["reason"][0]
 
