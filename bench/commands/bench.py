@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from bench.commands.streams import err, out, stamp
 from bench.config import BenchConfig, CampaignConfig, read_bench, read_campaign
 from bench.config import check as check_settings
 from bench.connect import acknowledge_alarms, inspect_bench
-from bench.errors import BenchUnsafe, InputError, Interrupted, StateError
+from bench.errors import BenchUnsafe, InputError, Interrupted, Problem, StateError
 from bench.hidden import parse_hidden
 from bench.instruments import open_bench
 from bench.job import CampaignOutcome, Job
@@ -158,6 +158,7 @@ def run(
     """Run a campaign; the bench is off when it ends, however it ends."""
     config = read_bench(bench_file)
     if rehearse:
+        _refuse_beside_rehearse({"--spy": spy, "--db": db})
         _rehearse(read_campaign(campaign_file), config, fault, str(bench_file))
         return
     if fault is not None:
@@ -176,6 +177,17 @@ def run(
                 job, store, WallClock(config.speed), progress=progress, around=_around(spies)
             )
         _report(outcome, store)
+
+
+def _refuse_beside_rehearse(options: Mapping[str, object]) -> None:
+    """InputError for options that a rehearsal would ignore; their values may hold a password and are not said."""
+    allowed = (
+        "not with --rehearse, which speaks to mock instruments and keeps nothing: leave one of the two out"
+    )
+    given = [option for option, value in options.items() if value is not None]
+    if given:
+        problems = [Problem(file="command line", field=name, value=None, allowed=allowed) for name in given]
+        raise InputError(problems)
 
 
 def _rehearse(campaign: CampaignConfig, config: BenchConfig, fault: Path | None, bench_file: str) -> None:

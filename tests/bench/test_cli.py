@@ -318,6 +318,22 @@ def test_faults_are_refused_on_a_real_run(capsys: pytest.CaptureFixture[str]) ->
     assert "faults are for --rehearse" in capsys.readouterr().err
 
 
+def test_what_a_rehearsal_would_ignore_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    beside = ("--spy", "wires.txt", "--db", "postgresql://lab:secret@host/db")
+    assert d2ea("run", campaign_file(), "--bench", bench_file(), "--rehearse", *beside) == 2
+    said = capsys.readouterr().err
+    for option in ("--spy", "--db"):
+        assert f"command line: {option}: not with --rehearse" in said
+    assert "secret" not in said
+    assert not Path("wires.txt").exists()
+
+
+@pytest.mark.parametrize("verb", ["status", "pause", "abort", "resume", "export"])
+def test_a_campaign_0_is_no_campaign(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert d2ea(verb, "0", *(("--out", "x.csv") if verb == "export" else ())) == 2
+    assert "greater than or equal to" in capsys.readouterr().err
+
+
 def test_a_stopped_campaign_is_found_by_resume(capsys: pytest.CaptureFixture[str]) -> None:
     assert d2ea("resume") == 1
     assert "nothing to resume" in capsys.readouterr().err
