@@ -69,7 +69,9 @@ def remove(
 
 @verbs.command()
 def run(
-    bench: Annotated[str | None, typer.Option(help="only campaigns of the bench of this name")] = None,
+    bench: Annotated[
+        str | None, typer.Option(metavar="NAME", help="only campaigns of the bench of this name")
+    ] = None,
     until_empty: Annotated[
         bool, typer.Option("--until-empty", help="end when nothing waits any more")
     ] = False,
