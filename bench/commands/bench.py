@@ -26,7 +26,7 @@ from bench.job import CampaignOutcome, Job
 from bench.leftovers import switch_off_leftovers
 from bench.spy import FileSpy, file_spy
 from bench.states import STOPPED
-from bench.store import BenchRow, BenchState, Row, Store, database_url
+from bench.store import BenchRow, BenchState, Row, Store, database_url, how_to_name
 from bench.toml_file import read_toml, to_toml
 from bench.whole_file import write_whole
 from bench.wording import counted, duration
@@ -65,7 +65,7 @@ def mock(
         list[str] | None,
         typer.Option(
             metavar="EFFECT[=VALUE]",
-            help="an effect, or a foreign family, that the virtual lab has and nobody is told of",
+            help="an effect, or a foreign family, that the virtual lab has and nobody is told of; may be repeated",
         ),
     ] = None,
     speed: Annotated[float, typer.Option(help="clock speed of the virtual lab", min=0.01, max=300.0)] = 1.0,
@@ -176,7 +176,8 @@ def run(
             outcome = run_campaign(
                 job, store, WallClock(config.speed), progress=progress, around=_around(spies)
             )
-        _report(outcome, store)
+        _report(outcome)
+        _tell_database(store, None if db else config.database)
 
 
 def _refuse_beside_rehearse(options: Mapping[str, object]) -> None:
@@ -237,7 +238,8 @@ def resume(
             outcome = resume_campaign(
                 row["id"], store, clock, job=job, progress=progress, around=_around(spies)
             )
-        _report(outcome, store)
+        _report(outcome)
+        _tell_database(store, None if db or config is None else config.database)
 
 
 def _resumable(store: Store, campaign_id: int | None) -> Row:
@@ -304,14 +306,20 @@ def _to_clear(store: Store, name: str | None) -> BenchRow:
     raise StateError(f"{what}; {states}")
 
 
-def _report(outcome: CampaignOutcome, store: Store) -> None:
+def _report(outcome: CampaignOutcome) -> None:
     out.print(
         f"campaign {outcome.campaign_id} done: {counted(outcome.accepted, 'row')} accepted, "
         f"{outcome.rejected} rejected, {outcome.settled} settled, "
         f"in {duration(outcome.bench_seconds)} of bench time"
     )
     out.print(escape(f"bench: {outcome.power_off}"))
-    out.print(escape(f"database: {store.url}"))
+
+
+def _tell_database(store: Store, by_bench: str | None) -> None:
+    """Where the rows are; and, where the bench's own key chose that, how other commands find them."""
+    named = how_to_name(by_bench) if by_bench else ""
+    looks = f"; d2ea status{named} looks into it" if named else ""
+    out.print(escape(f"database: {store.url}{looks}"))
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from bench.commands.options import Database
 from bench.commands.streams import err, out, stamp
 from bench.config import read_bench, read_campaign
 from bench.queueing import Worker
-from bench.store import Store, database_url
+from bench.store import Store, database_url, how_to_name
 
 app = typer.Typer()
 verbs = typer.Typer(no_args_is_help=True, help="Campaigns that wait for their time, or for their bench.")
@@ -33,13 +33,13 @@ def add(
     stamp(bench.virtual)
     schedule = campaign.schedule
     due = schedule.start_at.astimezone(UTC) if schedule.start_at else None
-    with Store(database_url(db, bench.database)) as store:
+    url = database_url(db, bench.database)
+    with Store(url) as store:
         entry = store.queue.add(
             campaign.model_dump(mode="json"), bench.settings(), due=due, every_s=schedule.every
         )
-    out.print(
-        escape(f"entry {entry}: {campaign.name!r} on {bench.name!r}, {said_due(due)}; d2ea queue run runs it")
-    )
+    runs_it = f"d2ea queue run{how_to_name(url)} runs it"
+    out.print(escape(f"entry {entry}: {campaign.name!r} on {bench.name!r}, {said_due(due)}; {runs_it}"))
 
 
 @verbs.command("list")

@@ -16,7 +16,7 @@ from typing import Self
 
 from bench.store.archive import Archive
 from bench.store.benches import Benches, BenchRow, BenchState
-from bench.store.database import DEFAULT_URL, Database, database_url
+from bench.store.database import DEFAULT_URL, Database, database_url, how_to_name
 from bench.store.following import Following
 from bench.store.ledger import Ledger, Provenance, Session, StoredReading
 from bench.store.live import LinkReport, Live, Moment, SeenMoment, Settling
@@ -41,6 +41,7 @@ __all__ = [
     "Store",
     "StoredReading",
     "database_url",
+    "how_to_name",
     "versions",
 ]
 

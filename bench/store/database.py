@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, insert, inspect, select, text
@@ -27,6 +28,7 @@ BOUNDED = {  # seconds, and ms: a network that is gone is noticed, not waited fo
     "connect_timeout": 5, "keepalives_idle": 5, "keepalives_interval": 2, "keepalives_count": 2,
     "tcp_user_timeout": 8000,
 }  # fmt: skip
+_PASSWORD = re.compile(r"://[^/@]*:[^/@]+@")  # as a URL holds one
 MEMORY = (None, "", ":memory:")
 
 _AGAIN = "then do it again; a campaign that was running goes on with d2ea resume"
@@ -47,12 +49,23 @@ def database_url(option: str | None = None, configured: str | None = None) -> st
 
     InputError for a password in the option: arguments can be seen by everybody on the machine.
     """
-    if option and "@" in option and re.search(r"://[^/@]*:[^/@]+@", option):
+    if option and _PASSWORD.search(option):
         allowed = (
             "a password does not belong on a command line; put the URL into D2EA_DB, or it into ~/.pgpass"
         )
         raise InputError.of("command line", "--db", None, allowed)
     return option or configured or os.environ.get("D2EA_DB") or DEFAULT_URL
+
+
+def how_to_name(url: str) -> str:
+    """What a command is told besides to open this database; nothing where it opens that anyway, and no password.
+
+    >>> how_to_name("sqlite:///lab.sqlite"), how_to_name("postgresql://lab:secret@host/db")
+    (' --db sqlite:///lab.sqlite', ' with D2EA_DB set to the URL of that database')
+    """
+    if url == database_url():
+        return ""
+    return " with D2EA_DB set to the URL of that database" if _PASSWORD.search(url) else f" --db {quote(url)}"
 
 
 class Database:
