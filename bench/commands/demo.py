@@ -31,7 +31,8 @@ def demo(
     hide: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="EFFECT[=VALUE]", help="what the lab hides; without it the seed chooses an effect"
+            metavar="EFFECT[=VALUE]",
+            help="what the lab hides; may be repeated; without it the seed chooses an effect",
         ),
     ] = None,
     figures: Annotated[

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench.commands.measurements import read_measurements
-from bench.commands.options import Database, check_folder
+from bench.commands.options import Database, Measured, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.diagnosing import answer_of
 from bench.diagnosis_files import FILES, DiagnosisFiles
@@ -51,20 +51,20 @@ app = typer.Typer()
 
 @app.command()
 def diagnose(
-    data: Annotated[
-        str, typer.Argument(metavar="FILE.csv|CAMPAIGN_ID", help="a measurement table, or a campaign")
-    ],
+    data: Measured,
     out_dir: Annotated[Path, typer.Option("--out", metavar="DIR", help="where the results go")] = Path(
         "diagnosis"
     ),
     model: Annotated[
-        Path | None, typer.Option(metavar="MODEL.toml", help="simulation to compare with; else the baseline")
+        Path | None,
+        typer.Option(metavar="MODEL.toml", help="simulation model to compare with; else the baseline"),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="the answer for programs")
     ] = None,
     without: Annotated[
-        list[str] | None, typer.Option(metavar="EFFECT", help="leave an effect out of the catalogue")
+        list[str] | None,
+        typer.Option(metavar="EFFECT", help="leave an effect out of the catalogue; may be repeated"),
     ] = None,
     processes: Annotated[int, typer.Option(min=1, help="share large simulations between so many")] = 2,
     db: Database = None,

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bench.commands.measurements import read_measurements
-from bench.commands.options import DEFAULT_FOLDER, Database, Folder, SimModel, check_folder
+from bench.commands.options import DEFAULT_FOLDER, Database, Folder, Measured, SimModel, check_folder
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.model_file import model_from
@@ -41,9 +41,7 @@ Seed = Annotated[int, typer.Option(min=0, help="of the split")]
 
 @app.command("train")
 def train_(
-    data: Annotated[
-        str, typer.Argument(metavar="DATA|CAMPAIGN_ID", help="a measurement table, or a campaign")
-    ],
+    data: Measured,
     folder: Folder = DEFAULT_FOLDER,
     sim_model: SimModel = None,
     seed: Seed = 1,

@@ -39,7 +39,8 @@ from models.surrogate import CALIBRATED, D2EA, SimulatorStage
 
 app = typer.Typer()
 lut_app = typer.Typer(
-    no_args_is_help=True, help="A table of D1 and D2 over load: into the controller, and verified."
+    no_args_is_help=True,
+    help="A table of D1 and D2 over load: load it into the controller, verify it, trace it to what was measured.",
 )
 app.add_typer(lut_app, name="lut")
 
@@ -61,7 +62,12 @@ SEARCHED = (CALIBRATED, D2EA)  # kinds that the best modulation is looked for on
 def optimise(
     model_id: Annotated[
         str | None,
-        typer.Option("--model", metavar="ID", help="else the one in use, else the newest calibrated or d2ea"),
+        typer.Option(
+            "--model",
+            metavar="ID",
+            help="trained model, as listed by d2ea models list; else the one in use, else the newest calibrated "
+            "or d2ea",
+        ),
     ] = None,
     powers: Annotated[
         str | None,
@@ -69,7 +75,9 @@ def optimise(
             metavar="LOW:HIGH:STEP", help="output powers in W; else a tenth of the rated one to all of it"
         ),
     ] = None,
-    out_file: Annotated[Path, typer.Option("--out", metavar="lut.csv|.h|.json")] = Path("lut.csv"),
+    out_file: Annotated[
+        Path, typer.Option("--out", metavar="lut.csv|.h|.json", help="where the table goes")
+    ] = Path("lut.csv"),
     folder: Folder = DEFAULT_FOLDER,
     sim_model: OwnModel = None,
     seed: Seed = 1,

@@ -12,9 +12,21 @@ from bench.whole_file import NO_ROOM, why_not
 
 Database = Annotated[
     str | None,
-    typer.Option("--db", metavar="URL", help="campaign database (an SQLAlchemy URL); else D2EA_DB"),
+    typer.Option(
+        "--db",
+        metavar="URL",
+        help="campaign database (an SQLAlchemy URL); else the key database of the bench's file, where one is given; "
+        "else the variable D2EA_DB; else sqlite:///d2ea-data/d2ea.sqlite",
+    ),
 ]
 
+Measured = Annotated[
+    str,
+    typer.Argument(
+        metavar="FILE.csv|CAMPAIGN_ID",
+        help="a measurement table (.csv, .txt, .tsv, .dat or .parquet), or a campaign as listed by d2ea runs",
+    ),
+]
 Folder = Annotated[Path, typer.Option("--models", metavar="DIR", help="where trained models are kept")]
 SimModel = Annotated[
     Path | None, typer.Option("--sim-model", metavar="MODEL.toml", help="simulation model; else the baseline")
@@ -22,7 +34,9 @@ SimModel = Annotated[
 D1 = Annotated[float, typer.Option("--D1", help="duty ratio of the primary's pulse, 0 to 1")]
 D2 = Annotated[float, typer.Option("--D2", help="inner phase shift of the secondary, 0 to 1")]
 Power = Annotated[float, typer.Option("--P", metavar="W", help="output power")]
-ModelFile = Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="else the baseline")]
+ModelFile = Annotated[
+    Path | None, typer.Option("--model", metavar="MODEL.toml", help="simulation model; else the baseline")
+]
 DEFAULT_FOLDER = Path("d2ea-data/models")
 
 

@@ -39,9 +39,12 @@ def simulate_(
     vary: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=LOW:HIGH:COUNT", help="a further axis of the grid: V1_V, V2_V, voltage_ratio, "
-                     "ambient_C, time_s, range_I1_A or a value of the converter (inductor.inductance_H); repeatable"),
+                     "ambient_C, time_s, range_I1_A or a value of the converter (inductor.inductance_H); may be "
+                     "repeated"),
     ] = None,
-    out_file: Annotated[Path, typer.Option("--out", metavar="FILE.csv|.parquet")] = Path("simulated.csv"),
+    out_file: Annotated[
+        Path, typer.Option("--out", metavar="FILE.csv|.parquet", help="where the simulated table goes")
+    ] = Path("simulated.csv"),
     model_file: ModelFile = None,
     processes: Annotated[int, typer.Option(min=1, help="side by side: chunks, or the halves of a single one")] = 2,
     dask: Annotated[

@@ -33,6 +33,29 @@ def test_help_says_which_campaign_is_meant_where_none_is_named(
     assert said in " ".join(words)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("simulate",), "where the simulated table goes"),
+        (("optimise",), "trained model, as listed by d2ea models list; else the one in use"),
+        (("netlist",), "simulation model; else the baseline"),
+        (("diagnose",), "leave an effect out of the catalogue; may be repeated"),
+        (("train",), "a measurement table (.csv, .txt, .tsv, .dat or .parquet), or a campaign"),
+        (
+            ("runs",),
+            "else the key database of the bench's file, where one is given; else the variable D2EA_DB",
+        ),
+        (("lut",), "load it into the controller, verify it, trace it"),
+        (("queue", "run"), "only campaigns of the bench of this name"),
+    ],
+)
+def test_help_says_what_is_asked_for_and_what_is_taken_without_it(
+    words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert d2ea(*words, "--help") == 0
+    assert said in " ".join(word for word in capsys.readouterr().out.split() if word not in "│")
+
+
 def test_the_shell_completes_commands_and_options(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
