@@ -52,7 +52,9 @@ def experiment(
     ],
     quick: Annotated[bool, typer.Option("--quick", help=f"the same as --scale {QUICK}")] = False,
     scale: Annotated[float | None, typer.Option(metavar="SHARE", help="of all trials and points")] = None,
-    out_folder: Annotated[Path, typer.Option("--out", metavar="DIR")] = DEFAULT_FOLDER,
+    out_folder: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="where the results go")
+    ] = DEFAULT_FOLDER,
     processes: Annotated[int, typer.Option(min=1, help="trials side by side")] = 2,
     again: Annotated[bool, typer.Option("--again", help="with all: also what DIR already holds")] = False,
     reference: Annotated[
