@@ -165,7 +165,7 @@ def _inspect(config: BenchConfig, opened: Mapping[str, Instrument], inspection: 
             "current_A": limits.current_A,
             "power_W": limits.power_W,
         },
-        "load": {"power_W": limits.power_W},
+        "load": {"current_A": limits.power_W / converter.output_voltage_V, "power_W": limits.power_W},
     }
     for name, instrument in opened.items():
         identity = inspection.attempt(name, instrument.identify)
@@ -181,8 +181,8 @@ def _inspect(config: BenchConfig, opened: Mapping[str, Instrument], inspection: 
 def _inspect_dc(name: str, device: DcDevice, needed: Mapping[str, float], inspection: Inspection) -> None:
     if (allowed := inspection.attempt(name, device.limits)) is not None:
         for quantity, value in needed.items():
-            low, high = getattr(allowed, quantity)
-            if not low <= value <= high:
+            if not device.allows(quantity, value):
+                low, high = getattr(allowed, quantity)
                 inspection.faults.append(
                     f"{name}: {quantity} = {value:g} is needed by bench.toml; the instrument allows "
                     f"{low:g} to {high:g}"

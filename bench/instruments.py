@@ -236,7 +236,8 @@ class Bench:
         self.sample()  # within the limits before anything is armed
         load.take_remote()
         load.off()
-        load.set_current_limit(HEADROOM * config.limits.power_W / config.converter.output_voltage_V)
+        load.allow_current(HEADROOM * config.limits.power_W / config.converter.output_voltage_V)
+        load.accept_any_voltage()
         supply.take_remote()
         supply.set_voltage(config.converter.input_voltage_V)
         supply.set_current_limit(config.limits.current_A)
@@ -351,6 +352,8 @@ class Bench:
             if self._power_W == 0.0:
                 load.on()
             self._power_W = target_W
+            if k < steps:
+                self.beat()  # many steps on a slow line outlast the controller's patience
 
 
 @contextmanager

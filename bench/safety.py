@@ -20,6 +20,7 @@ AGAIN_S = 10.0  # real time in which steps that failed are tried again, after al
 AGAIN_STEP_S = 0.5
 DEADLINE_S = 15.0  # of a step: three goes of a driver, each with its timeout and its quarantine, and again
 UNDERVOLTAGE = "output_undervoltage"  # what the controller reports when it cannot hold the output
+_EITHER_WAY = ("V", "A", "W")  # units of what may be measured backwards
 COLLAPSED = 0.5  # of the target: below this the output voltage is gone, not merely off its target
 
 
@@ -102,7 +103,10 @@ def _above(name: str, limit: float, readings: Readings) -> str | None:
     value, unit, said = readings.values.get(name, math.nan), unit_of(name), channel_name(name)
     if math.isnan(value):
         return f"{said} has no reading"
-    return f"{said} {value:g} {unit} is above its limit {limit:g} {unit}" if value > limit else None
+    backwards = value < 0 and unit in _EITHER_WAY  # a lead or a current transformer that is swapped
+    if (-value if backwards else value) <= limit:
+        return None
+    return f"{said} {value:g} {unit} is {'beyond' if backwards else 'above'} its limit {limit:g} {unit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

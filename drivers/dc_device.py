@@ -62,6 +62,14 @@ class DcDevice:
             power_W = (0.0, voltage_V[1] * current_A[1])
         return DcLimits(voltage_V=voltage_V, current_A=current_A, power_W=power_W)
 
+    def allows(self, quantity: str, value: float) -> bool:
+        """Whether a set point of ``voltage_V``, ``current_A`` or ``power_W`` is within :meth:`limits`, to a count."""
+        name = f"set_{quantity.partition('_')[0]}"
+        if name in self.device.map.registers:
+            return self.device.allows(name, value)
+        lowest, highest = getattr(self.limits(), quantity)
+        return bool(lowest <= value <= highest)
+
     def take_remote(self) -> None:
         """Take control from the front panel, and start the instrument's own watchdog where it has one.
 

@@ -7,7 +7,7 @@ before anything is sent, sends once, and reads back from where the map says. A w
 import math
 import struct
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from drivers.errors import IdentityError, InstrumentError, LimitError, ReadbackError, ReplyError
@@ -121,6 +121,13 @@ class ModbusDevice:
         per_count = self._per_count(register)
         return lowest * per_count, highest * per_count
 
+    def allows(self, name: str, value: float) -> bool:
+        """Whether the device takes a value, rounded to a whole count; what the bench allows may be less."""
+        register = self._register(name)
+        lowest, highest = self._allowed_counts(register)
+        half = FLOAT_MATCH * abs(highest) if register.type == "f32" else 0.5
+        return lowest - half <= value / self._per_count(register) <= highest + half  # False for NaN, too
+
     def write(self, name: str, value: float | bool) -> None:
         """Check against the limits, send once, read back.
 
@@ -162,8 +169,7 @@ class ModbusDevice:
         per_count, ceiling = self._per_count(register), self.ceilings.get(register.name, math.inf)
         lowest, highest = self._allowed_counts(register)
         counts = value / per_count
-        by_device = lowest - 0.5 <= counts < highest + 0.5  # False for NaN, too
-        if not (by_device and value <= ceiling * ROUNDED_UP):
+        if not (self.allows(register.name, value) and value <= ceiling * ROUNDED_UP):
             raise LimitError(
                 f"{register.name} = {value:g} {register.unit} is outside what {self.map.series} and bench allow, "
                 f"{lowest * per_count:g} to {min(highest * per_count, ceiling):g} {register.unit}; nothing was sent",
@@ -179,10 +185,11 @@ class ModbusDevice:
     def _allowed_counts(self, register: Register) -> tuple[float, float]:
         per_count = self._per_count(register)
         lowest, highest = register.range or _range_of(register.type)
+        whole: Callable[[float], float] = float if register.type == "f32" else round
         if register.lowest:
-            lowest = max(lowest, round(self.constant(register.lowest) / per_count))
+            lowest = max(lowest, whole(self.constant(register.lowest) / per_count))
         if register.highest:
-            highest = min(highest, round(self.constant(register.highest) / per_count))
+            highest = min(highest, whole(self.constant(register.highest) / per_count))
         return lowest, highest
 
     def _verify(self, register: Register, raw: Raw) -> None:

@@ -247,8 +247,13 @@ class MockLoad(MockDc):
         return state.load_V, state.load_A, "CC" if limited else "CP"
 
     def apply(self) -> None:
-        """The set power, or what the current limit leaves of it at the voltage of this moment."""
+        """The set power, or what the current limit leaves of it at the voltage of this moment.
+
+        Below the voltage that is set a load draws nothing.
+        """
         voltage_V, power_W = self.plant.output_V, self.si("set_power")
-        if voltage_V > 0:
+        if 0 < voltage_V < self.si("set_voltage"):
+            power_W = 0.0
+        elif voltage_V > 0:
             power_W = min(power_W, self.si("set_current") * voltage_V)
         self.plant.set_load(on=self.on, power_W=power_W)

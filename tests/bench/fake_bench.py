@@ -170,7 +170,10 @@ class FakeInstruments:
         """A bench whose instruments are all this object."""
         silent = lambda *_, **__: None  # noqa: E731
         common = {"health": Health(), "resource": "fake", "identify": lambda: IDENTITY}
-        dc = {"take_remote": silent, "set_voltage": silent, "set_current_limit": silent, **common}
+        dc = {
+            "take_remote": silent, "set_voltage": silent, "set_current_limit": silent, "allow_current": silent,
+            "accept_any_voltage": silent, **common,
+        }  # fmt: skip
         instruments = SimpleNamespace(
             analyzer=SimpleNamespace(
                 **common,

@@ -115,9 +115,20 @@ def test_a_check_lists_every_fault_at_once() -> None:
         bench["supply"] |= {"resource": "tcp://127.0.0.1:1"}  # type: ignore[operator]
         bench["limits"] |= {"power_W": 1e6}  # type: ignore[operator]
         found = inspect_bench(check(bench, BenchConfig, file="bench.toml"), plant.clock)
-    assert [fault.split(":")[0] for fault in found.faults] == ["analyzer", "supply", "load"]
+    assert [fault.split(":")[0] for fault in found.faults] == ["analyzer", "supply", "load", "load"]
     assert "no such port" in found.faults[0]
-    assert "power_W = 1e+06 is needed" in found.faults[2]
+    assert "current_A = 7142.86 is needed" in found.faults[2]
+    assert "power_W = 1e+06 is needed" in found.faults[3]
+
+
+@pytest.mark.parametrize("current_A", [0.5, 7.3, 8.0, 9.99])
+def test_a_limit_that_was_set_at_the_panel_to_that_of_the_bench_is_no_fault(current_A: float) -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        rack.supply.counts["limit_current_max"] = round(current_A / 30 * 0xCCCC)
+        bench = rack.bench_config()
+        bench["limits"] |= {"current_A": current_A}  # type: ignore[operator]
+        assert inspect_bench(check(bench, BenchConfig, file="bench.toml"), plant.clock).faults == []
 
 
 def test_a_supply_that_may_not_give_the_power_is_a_fault() -> None:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bench.errors import LimitReached
 from bench.leftovers import discharged
+from bench.plan import Kind, PlannedPoint
 from bench.safety import Limits, Readings, Step, decide, power_off
 from drivers.clock import StepClock
 from drivers.errors import ReadbackError
@@ -64,7 +65,25 @@ def test_a_collapsed_output_is_unsafe_only_while_the_pwm_runs() -> None:
 @given(st.dictionaries(st.sampled_from(sorted(GOOD)), st.floats(allow_nan=True)))
 def test_safe_means_every_value_is_known_and_within(values: dict[str, float]) -> None:
     safe = not reasons(values={**values, "V2_V": 140.0})
-    assert safe == all(value <= LIMITS.upper[name] for name, value in values.items() if name != "V2_V")
+    measured = {name: value for name, value in values.items() if name != "V2_V"}
+    sizes = {name: value if name.startswith("T_") else abs(value) for name, value in measured.items()}
+    assert safe == all(size <= LIMITS.upper[name] for name, size in sizes.items())
+
+
+def test_what_is_measured_backwards_is_guarded_too() -> None:
+    assert reasons(values={"I1_A": -50.0}) == ("input current -50 A is beyond its limit 10 A",)
+    assert reasons(values={"I1_A": -0.01, "P1_W": -3.0, "T_heatsink_C": -150.0}) == ()
+
+
+def test_the_controller_hears_from_the_bench_between_two_steps_of_the_load() -> None:
+    fake = FakeInstruments()
+    config = bench_config(limits={**BENCH["limits"], "power_step_W": 50.0})
+    bench = fake.bench(config)
+    bench.power_up()
+    bench.set_point(PlannedPoint(point=1, repeat=1, kind=Kind.LOAD, D1=0.9, D2=0.1, power_W=500.0))
+    steps = [name for name in fake.done if name in ("load power", "beat")]
+    first = steps.index("load power")
+    assert steps[first:][:19] == ["load power", *9 * ["beat", "load power"]]
 
 
 def test_a_lost_output_is_told_from_everything_else() -> None:

@@ -80,3 +80,21 @@ def test_without_voltage_at_its_terminals_it_waits_at_the_set_power(bench) -> No
     load.set_power(600.0)
     load.on()
     assert wires.plant.load == (True, pytest.approx(600.0, abs=ONE_COUNT_W))
+
+
+def test_more_current_than_it_allows_is_as_much_as_it_allows(bench) -> None:
+    wires, load = bench
+    load.allow_current(500.0)
+    assert wires.mock.si("set_current") == pytest.approx(71.4, abs=70 / 0xCCCC)  # 102 % of 70 A
+    load.allow_current(20.0)
+    assert wires.mock.si("set_current") == pytest.approx(20.0, abs=70 / 0xCCCC)
+
+
+def test_a_voltage_that_somebody_left_set_keeps_it_from_drawing_until_any_is_accepted(bench) -> None:
+    wires, load = bench
+    wires.mock.counts["set_voltage"] = 0xCCCC  # 200 V, at a source of 140 V
+    load.set_power(600.0)
+    load.on()
+    assert wires.plant.load == (True, 0.0)
+    load.accept_any_voltage()
+    assert wires.plant.load == (True, pytest.approx(600.0, abs=ONE_COUNT_W))

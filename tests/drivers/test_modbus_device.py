@@ -80,6 +80,25 @@ def test_the_very_ceiling_of_a_bench_can_be_set_and_nothing_above_reaches_the_wi
         wires.device.ceilings = {}
 
 
+@settings(max_examples=100, deadline=None)
+@given(count=st.integers(1, 17476), half=st.sampled_from([-0.5, 0.0, 0.5]))
+def test_what_rounds_to_the_devices_limit_is_allowed_and_can_be_set(
+    wires: Wired, count: int, half: float
+) -> None:
+    before = wires.mock.counts["limit_current_max"]
+    try:
+        wires.mock.counts["limit_current_max"] = count
+        wires.device.forget()
+        value_A = (count + half) * 30 / 0xCCCC * (1 - 1e-12)
+        assert wires.device.allows("set_current", value_A)
+        wires.device.write("set_current", value_A)
+        assert wires.mock.counts["set_current"] <= count
+        assert not wires.device.allows("set_current", (count + 0.51) * 30 / 0xCCCC)
+    finally:
+        wires.mock.counts["limit_current_max"] = before
+        wires.device.forget()
+
+
 def test_limits_are_the_devices_own_in_si_units(wires: Wired) -> None:
     lowest_V, highest_V = wires.device.limits("set_voltage")
     assert highest_V == pytest.approx(320.0, abs=500 / 0xCCCC)  # one count
