@@ -11,6 +11,7 @@ from bench.errors import BenchError
 from bench.lock import ports_of_bench
 from bench.prediction import modulation_of
 from bench.spy import log_of
+from bench.wiring import analyzer_columns
 from drivers.analyzer import Analyzer, load_analyzer_model
 from drivers.clock import Clock
 from drivers.controller import Controller
@@ -174,6 +175,10 @@ def _inspect(config: BenchConfig, opened: Mapping[str, Instrument], inspection: 
         inspection.identities[name] = identity
         if isinstance(instrument, DcDevice):
             _inspect_dc(name, instrument, needed[name], inspection)
+        elif isinstance(instrument, Analyzer):
+            own = config.analyzer
+            wrong = instrument.problems(list(analyzer_columns(config)), own.update_s, own.ranges)
+            inspection.faults += [f"{name}: {problem}" for problem in wrong]
         elif isinstance(instrument, Controller):
             _inspect_controller(name, instrument, inspection)
 

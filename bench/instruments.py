@@ -19,6 +19,7 @@ from bench.plan import Kind, PlannedPoint
 from bench.safety import Decision, Limits, PowerOffReport, Readings, decide, power_off
 from bench.spy import log_of
 from bench.store.live import LinkReport
+from bench.wiring import analyzer_columns
 from drivers.clock import Clock
 from drivers.controller import Applied, Telemetry
 from drivers.errors import IdentityError, InstrumentError, LimitError, LinkTimeout, ReplyError
@@ -361,20 +362,6 @@ def open_bench(config: BenchConfig, clock: Clock, spy_of: SpyOf = log_of) -> Ite
     """A bench with all its instruments open; closes them, and switches nothing."""
     with open_instruments(config, clock, spy_of) as (instruments, inspection):
         yield Bench(config, instruments, clock, inspection)
-
-
-def analyzer_columns(config: BenchConfig) -> dict[str, str]:
-    """Analyzer item → column of the measurement table, by the wiring."""
-    wiring = config.analyzer.wiring
-    columns: dict[str, str] = {}
-    for port, element in ((1, wiring.input), (2, wiring.output)):
-        columns |= {f"U{element}": f"V{port}_V", f"I{element}": f"I{port}_A", f"P{element}": f"P{port}_W"}
-    for number, link in ((1, wiring.link1), (2, wiring.link2)):
-        if link is not None:
-            columns[f"P{link}"] = f"P_link{number}_W"
-    if wiring.link1 is not None:
-        columns[f"I{wiring.link1}"] = "I_L_rms_A"
-    return columns
 
 
 def _value(reading: Reading | None) -> float:

@@ -18,10 +18,10 @@ from bench.reporting import Reporter
 from bench.safety import PowerOffReport
 from bench.states import PointState
 from bench.store import Store, StoredReading
-from drivers.errors import InstrumentError, LinkError, ReplyError
+from drivers.errors import InstrumentError, LinkError, ReplyError, SetPointRefused
 from drivers.modbus_errors import DeviceBusy
 
-MOST_LOST = 3  # set points in a row whose output could not be held: then something else is wrong
+MOST_LOST = 3  # set points in a row that were given up: then something else is wrong
 MOST_TRIES = 4  # of one point whose measurement a disturbed link ended
 PASSING = (LinkError, ReplyError, DeviceBusy)  # worth another try, once the bench was seen off
 
@@ -82,8 +82,8 @@ class PointRunner:
                 self._of.reporter.moment("setting", point_id=point_id)
                 self._measure_point(bench, row, point_id, predicted)
                 return
-            except OutputLost as lost:
-                self._give_up_point(bench, row, point_id, lost)
+            except (OutputLost, SetPointRefused) as given_up:
+                self._give_up_point(bench, row, point_id, given_up)
                 return
             except PASSING as error:
                 if attempt == MOST_TRIES:
@@ -105,15 +105,22 @@ class PointRunner:
         bench.configure()
         self._of.power_up(bench)
 
-    def _give_up_point(self, bench: Bench, row: PlannedPoint, point_id: int, lost: OutputLost) -> None:
-        """A set point that the converter cannot hold costs that point, not the night; many in a row do."""
-        report = self._of.off_in_between(bench, lost)
-        self._of.store.note(self._of.id, "output lost", time_s=self._of.time_s(), detail=f"{lost}; {report}")
-        self._advance(point_id, PointState.REJECTED, str(lost))
-        self._of.tracker.finish(row, str(lost), measured=None, predicted=np.nan)
+    def _give_up_point(
+        self, bench: Bench, row: PlannedPoint, point_id: int, because: OutputLost | SetPointRefused
+    ) -> None:
+        """A set point that the converter cannot hold, or its controller does not take, costs that point, not the night.
+
+        Many in a row do.
+        """
+        report, event = self._of.off_in_between(bench, because), "output lost"
+        if isinstance(because, SetPointRefused):
+            event = "set point refused"
+        self._of.store.note(self._of.id, event, time_s=self._of.time_s(), detail=f"{because}; {report}")
+        self._advance(point_id, PointState.REJECTED, str(because))
+        self._of.tracker.finish(row, str(because), measured=None, predicted=np.nan)
         self._lost_in_a_row += 1
         if self._lost_in_a_row >= MOST_LOST:
-            raise lost
+            raise because
         self._of.power_up(bench)
 
     def _measure_point(self, bench: Bench, row: PlannedPoint, point_id: int, predicted: float) -> None:

@@ -121,8 +121,7 @@ class Analyzer:
         InstrumentRefused, ReadbackError : the instrument did not take it.
         """
         fixed = dict(ranges or {})
-        wrong = self.model.problems(items, update_s, fixed, self._elements)
-        if wrong:
+        if wrong := self.problems(items, update_s, fixed):
             raise LimitError("; ".join(wrong))
         with self._scpi.lock:
             for command in (*START, *self.model.setup, *self._item_commands(items, ac_elements)):
@@ -136,6 +135,10 @@ class Analyzer:
                 if channel not in fixed:
                     self._scpi.command(f"{self._range_headers(channel)[1]} ON")
             self.set_ranges(fixed)
+
+    def problems(self, items: Sequence[str], update_s: float, ranges: Mapping[str, float]) -> list[str]:
+        """All that :meth:`configure` would refuse before anything is sent; empty when nothing is wrong."""
+        return self.model.problems(items, update_s, ranges, self._elements)
 
     def set_ranges(self, ranges: Mapping[str, float]) -> None:
         """Set fixed ranges in V or A, by channel (``{"U1": 300, "I1": 10}``), and read them back."""

@@ -21,6 +21,7 @@ from drivers.controller_messages import (
     IDENTITY,
     MODES,
     NACK,
+    OF_THE_SET_POINT,
     PWM_ON,
     REFUSAL,
     REPLY,
@@ -45,6 +46,7 @@ from drivers.errors import (
     LinkLost,
     ReadbackError,
     ReplyError,
+    SetPointRefused,
 )
 from drivers.frames import DELIMITER, Frame, decode, encode
 from drivers.health import Health
@@ -141,7 +143,8 @@ class Controller:
         Raises
         ------
         LimitError : refused here; nothing was sent.
-        InstrumentRefused : refused by the controller, for instance a pulse shorter than the dead time.
+        SetPointRefused : the controller runs and will not take it, for instance a pulse shorter than the dead time.
+        InstrumentRefused : refused by the controller for another reason.
         ReadbackError : the controller applied something else.
         """
         mode = mode or self._modulation
@@ -333,7 +336,8 @@ class Controller:
             return InstrumentRefused("the controller lost the session: it was restarted, or has another host")
         known = code in set(Reason)
         reason = Reason(code).name.lower().replace("_", " ") if known else f"reason {code}"
-        return InstrumentRefused(f"the controller refuses: {reason}")
+        refused = SetPointRefused if code in OF_THE_SET_POINT else InstrumentRefused
+        return refused(f"the controller refuses: {reason}")
 
     def _unpack(self, layout: struct.Struct, payload: bytes) -> tuple[Any, ...]:
         if len(payload) != layout.size:

@@ -59,6 +59,8 @@ class Reason(IntEnum):
     BAD_TABLE = 11
 
 
+OF_THE_SET_POINT = (Reason.OUT_OF_RANGE, Reason.PULSE_TOO_SHORT)  # another one may be taken
+
 SET_MODULATION = struct.Struct("<Bff")  # mode, D1, D2
 APPLIED = struct.Struct("<BHH")  # mode, counts of D1, of D2
 ARM = struct.Struct("<I")  # heartbeat period in ms

@@ -9,6 +9,7 @@
     │   └── LinkTimeout          no reply, or no whole reply, before the deadline
     ├── ReplyError               a reply came and is not the answer to the query
     ├── InstrumentRefused        the instrument answered that it will not (exception code, error queue, NACK)
+    │   └── SetPointRefused      the controller runs, and will not take this set point
     ├── IdentityError            something else than the expected instrument answered
     ├── LimitError               refused here, before anything was sent
     ├── ReadbackError            a set point or state read back differs from what was sent
@@ -62,6 +63,10 @@ class ReplyError(InstrumentError):
 
 class InstrumentRefused(InstrumentError):
     """The instrument answered that it will not do this."""
+
+
+class SetPointRefused(InstrumentRefused):
+    """The controller runs, and will not take this set point: a pulse too short, a value out of range."""
 
 
 class IdentityError(InstrumentError):

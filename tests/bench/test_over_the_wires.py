@@ -121,6 +121,16 @@ def test_a_check_lists_every_fault_at_once() -> None:
     assert "power_W = 1e+06 is needed" in found.faults[3]
 
 
+def test_a_check_finds_settings_that_the_analyzer_has_not() -> None:
+    plant = virtual_plant()
+    with Rack(plant) as rack:
+        bench = rack.bench_config()
+        bench["analyzer"] |= {"update_s": 0.3, "ranges": {"U1": 250.0}}  # type: ignore[operator]
+        interval, voltage = inspect_bench(check(bench, BenchConfig, file="bench.toml"), plant.clock).faults
+    assert interval.startswith("analyzer: update interval 0.3 s")
+    assert voltage.startswith("analyzer: range U1")
+
+
 @pytest.mark.parametrize("current_A", [0.5, 7.3, 8.0, 9.99])
 def test_a_limit_that_was_set_at_the_panel_to_that_of_the_bench_is_no_fault(current_A: float) -> None:
     plant = virtual_plant()

@@ -28,6 +28,7 @@ from drivers.errors import (
     LinkUnavailable,
     ReadbackError,
     ReplyError,
+    SetPointRefused,
 )
 from drivers.frames import Frame, decode, encode
 from drivers.mocks.controller import MockController
@@ -136,13 +137,15 @@ def test_sequence_numbers_rise_and_wrap() -> None:
         (Reason.FAULT_STANDS, InstrumentTripped),
         (Reason.NOT_ARMED, InstrumentRefused),
         (Reason.OUT_OF_ORDER, InstrumentRefused),
+        (Reason.PULSE_TOO_SHORT, SetPointRefused),
         (200, InstrumentRefused),
     ],
 )
 def test_a_refusal_is_raised_with_its_reason(reason: int, error: type[Exception]) -> None:
     controller, _ = talking(lambda r: beat(r, type=NACK, payload=REFUSAL.pack(r.type, reason)))
-    with pytest.raises(error, match=r"refuses|session"):
+    with pytest.raises(error, match=r"refuses|session") as refused:
         controller.enable()
+    assert refused.type is error  # only a set point may be given up for another
 
 
 def test_a_restarted_controller_gets_a_new_session() -> None:
