@@ -91,7 +91,10 @@ class InstantBench:
         def nothing(*_: object, **__: object) -> None: ...
 
         common = {"health": Health(), "resource": "none", "identify": lambda: WHO}
-        dc = {"take_remote": nothing, "set_voltage": nothing, "set_current_limit": nothing, **common}
+        told = (
+            "take_remote", "set_voltage", "set_current_limit", "set_power_limit", "allow_current", "accept_any_voltage",
+        )  # fmt: skip
+        dc = dict.fromkeys(told, nothing) | common
         instruments: Any = SimpleNamespace(
             analyzer=SimpleNamespace(
                 read=self._read, configure=nothing, **common,
@@ -99,7 +102,6 @@ class InstantBench:
                 model=SimpleNamespace(error_limit=lambda _q, _k, W, range_W: 0.0005 * W + 0.001 * range_W),
             ),
             supply=SimpleNamespace(
-                set_power_limit=nothing,
                 on=lambda: self._set(supply_on=True, supply_V=300.0), off=lambda: self._set(supply_on=False),
                 state=lambda: DcState(on=self.setting.supply_on, mode="CV", remote=True, alarms=()),
                 actual=lambda: {"U": Reading(value=300.0 * self.setting.supply_on, unit="V", time_s=0.0)}, **dc,
