@@ -112,9 +112,8 @@ class PointRunner:
 
         Many in a row do.
         """
-        report, event = self._of.off_in_between(bench, because), "output lost"
-        if isinstance(because, SetPointRefused):
-            event = "set point refused"
+        report = self._of.off_in_between(bench, because)
+        event = "output lost" if isinstance(because, OutputLost) else "set point refused"
         self._of.store.note(self._of.id, event, time_s=self._of.time_s(), detail=f"{because}; {report}")
         self._advance(point_id, PointState.REJECTED, str(because))
         self._of.tracker.finish(row, str(because), measured=None, predicted=np.nan)

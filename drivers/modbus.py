@@ -177,9 +177,7 @@ class ModbusDevice:
             )
         if register.type == "f32":
             return float(counts)
-        most = math.floor(
-            min(highest, ceiling / per_count * ROUNDED_UP)
-        )  # nothing is rounded up beyond the ceiling
+        most = math.floor(min(highest, ceiling / per_count * ROUNDED_UP))  # none is rounded up beyond it
         return min(max(round(counts), int(lowest)), most)
 
     def _allowed_counts(self, register: Register) -> tuple[float, float]:

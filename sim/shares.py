@@ -15,30 +15,41 @@ _SENT = 400  # rows that take as long as to ask another process
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Circuits ``saturates`` tells of, each of so many ``rows``, by their numbers, that one process solves."""
+    """What one process solves: circuits by their numbers, the ``plain`` ones and those that saturate, ``rows`` each."""
 
-    circuits: tuple[int, ...]
-    saturates: Sequence[bool]
+    plain: tuple[int, ...]
+    saturating: tuple[int, ...]
     rows: int
 
     @property
+    def circuits(self) -> tuple[int, ...]:
+        """All of them, in their order."""
+        return tuple(sorted((*self.plain, *self.saturating)))
+
+    @property
     def calls(self) -> list[list[int]]:
-        """The circuits of each call; none of a share without any."""
-        kinds = [[k for k in self.circuits if self.saturates[k] == kind] for kind in (False, True)]
-        apart = [kind for kind in kinds if kind]
-        whole = [list(self.circuits)]
-        return whole if len(apart) > 1 and self._cost(whole) <= self._cost(apart) else apart
+        """The circuits of each call."""
+        if self.cost == _together(len(self.plain), len(self.saturating), self.rows):
+            return [list(self.circuits)]
+        return [list(self.plain), list(self.saturating)]
 
     @property
     def cost(self) -> int:
         """Rows that take as long."""
-        return self._cost(self.calls)
+        return _least(len(self.plain), len(self.saturating), self.rows)
 
-    def _cost(self, calls: Sequence[Sequence[int]]) -> int:
-        return sum(
-            _CALL + self.rows * len(call) * (_SATURATING if any(self.saturates[k] for k in call) else 1)
-            for call in calls
-        )
+
+def _together(plain: int, saturating: int, rows: int) -> int:
+    """Rows that take as long as one call of so many circuits."""
+    return _CALL + rows * (plain + saturating) * (_SATURATING if saturating else 1)
+
+
+def _least(plain: int, saturating: int, rows: int) -> int:
+    """The same in one call, or in one for each kind, whichever takes less."""
+    whole = _together(plain, saturating, rows)
+    if not plain or not saturating:
+        return whole
+    return min(whole, _together(plain, 0, rows) + _together(0, saturating, rows))
 
 
 def shares(saturates: Sequence[bool], rows: int, processes: int) -> list[Share]:
@@ -49,21 +60,18 @@ def shares(saturates: Sequence[bool], rows: int, processes: int) -> list[Share]:
     >>> len(shares([False] * 4, 100, 2))
     1
     """
-    every = [Share(tuple(range(len(saturates))), saturates, rows)]
-    plans = [every, *(_plan(saturates, rows, processes, apart) for apart in range(1, processes + 1))]
-    return min(plans, key=lambda plan: max(share.cost for share in plan) + _SENT * (len(plan) - 1))
+    every = _plan(saturates, rows, 1, 1)
+    plans = [_plan(saturates, rows, processes, apart) for apart in range(1, processes + 1) if processes > 1]
+    return min([every, *plans], key=lambda plan: max(share.cost for share in plan) + _SENT * (len(plan) - 1))
 
 
 def _plan(saturates: Sequence[bool], rows: int, processes: int, apart: int) -> list[Share]:
     """Shares of which so many have all that saturate; each of the others goes where least is done with it."""
-    own: list[list[int]] = [[] for _ in range(processes)]
-    hard = [k for k, saturating in enumerate(saturates) if saturating]
-    for n, k in enumerate(hard):
-        own[n % apart].append(k)
-
-    def with_one_more(k: int, process: int) -> int:
-        return Share((*own[process], k), saturates, rows).cost
-
-    for k in (k for k, saturating in enumerate(saturates) if not saturating):
-        own[min(range(processes), key=lambda process: with_one_more(k, process))].append(k)
-    return [Share(tuple(sorted(part)), saturates, rows) for part in own if part]
+    kinds = [[k for k, own in enumerate(saturates) if own == kind] for kind in (False, True)]
+    saturating = [tuple(kinds[True][first::apart]) for first in range(apart)] + [()] * (processes - apart)
+    plain: list[list[int]] = [[] for _ in range(processes)]
+    for k in kinds[False]:
+        costs = [_least(len(own) + 1, len(hard), rows) for own, hard in zip(plain, saturating, strict=True)]
+        plain[costs.index(min(costs))].append(k)
+    dealt = [Share(tuple(own), hard, rows) for own, hard in zip(plain, saturating, strict=True)]
+    return [share for share in dealt if share.circuits]

@@ -8,10 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from bench.campaign import Surroundings
+from bench.campaign import Surroundings, run_campaign
 from bench.config import BenchConfig, CampaignConfig, check
 from bench.connect import Inspection
 from bench.instruments import Bench
+from bench.job import CampaignOutcome, Job
 from bench.prediction import Asked, Forecast
 from bench.store import Store
 from drivers.clock import StepClock
@@ -225,3 +226,13 @@ class FakeInstruments:
 def memory() -> Store:
     """A database that is gone with the test."""
     return Store("sqlite://")
+
+
+def job(**changes: object) -> Job:
+    """The six-point campaign with some tables changed, planned for the fake bench."""
+    return Job.prepare(campaign_config(**changes), bench_config(), predict=predict)
+
+
+def run(fake: FakeInstruments, store: Store, a_job: Job | None = None, **watch: object) -> CampaignOutcome:
+    """That campaign, or another, on a fake bench."""
+    return run_campaign(a_job or job(), store, fake.clock, around=fake.around(), **watch)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from bench.commands.retrain import _settle
-from bench.errors import BenchError
+from bench.errors import BenchError, InputError
 from bench.imported import import_config
 from bench.lut_file import model_of, read_lut
 from bench.model_file import simulator_for
@@ -405,8 +405,6 @@ def test_a_renewed_diagnosis_says_what_both_stretches_of_a_change_say() -> None:
 
 
 def test_a_virtual_lab_and_hardware_are_never_mixed(store: Store) -> None:
-    from bench.errors import InputError
-
     first_id = imported(store, measured(20))
     second = store.import_table("real", measured(20), Provenance(config={}, config_hash="0", virtual=False))
     with pytest.raises(InputError, match="never learnt from together"):
