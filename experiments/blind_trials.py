@@ -8,7 +8,7 @@ Trials of one, two or foreign effects count where the truth itself says that the
 of the hidden effect stand out of whatever could be mistaken for it, in what noise, tolerances and instruments
 leave. What that excludes is counted. ``--only`` runs some of the parts; finished trials are kept and not repeated.
 
-Seeds 3400000 to 3499999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
+Seeds 3500000 to 3599999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
 """
 
 from collections.abc import Collection, Sequence

@@ -36,6 +36,7 @@ _FAR_BEHIND = 200.0  # in log evidence on its line: how far that errs so far out
 _FAR_BEHIND_EACH = 0.25  # of each reading: the more there are, the further a line that bends falls behind
 _SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a place worse than off
+_PART_WAY = (0.5, 0.75)  # where to start again where the line would lead and what is there is far behind
 _REACH = 3.0  # prior scales that a line is trusted over
 _TOO_NEAR = 0.1  # prior scales from off: so short a way teaches no bend
 
@@ -111,6 +112,7 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
         for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
     ]
     starts = _not_far_behind(refinery, starts, nothing.log_evidence)
+    starts += _part_way(lines, curves, nothing.log_evidence, straight)
     sigmas = [w.sigma for w in refinery.weighed_all(lines)]
     tried = [*map(_tangent, lines, curves, sigmas), *scans, *(refinery.simulated(starts) if starts else [])]
     once = _best([*tried, *_about(refinery, nothing, known)])
@@ -125,6 +127,22 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
     else:
         followed = refinery.followed(chosen, leader)
     return [nothing, *_sorted([*followed, *(f for f in once if f.effects not in names)])], scans
+
+
+def _part_way(lines: Sequence[Fit], curves: Sequence[Fit], nothing: float, straight: float) -> list[Fit]:
+    """Starting values on the way of those lines that promise to lead, and led to where no step leads back from.
+
+    A line that bends overshoots, and what is simulated there, parts far off beside it, may be a place of its own.
+    ``nothing`` and ``straight`` are the log evidence of nothing, simulated and on its line.
+    """
+    leader = max([nothing, *(curve.log_evidence for curve in curves)])
+    lost = [
+        line
+        for line, curve in zip(lines, curves, strict=True)
+        if line.log_evidence - straight > leader - nothing and curve.log_evidence < hopeless(leader)
+    ]
+    ways = [[t.head.off + part * t.distance for t in line.terms for part in _PART_WAY] for line in lost]
+    return [start for line, way in zip(lost, ways, strict=True) for start in _moved_to(line, way)]
 
 
 def _not_far_behind(refinery: Refinery, starts: Sequence[Fit], nothing: float) -> list[Fit]:
