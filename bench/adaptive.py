@@ -66,7 +66,7 @@ def chooser(campaign: CampaignConfig, bench: BenchConfig, predict: Predictor, *,
     if campaign.plan.adaptive is None:
         return None
     candidates, _, _ = candidates_of(campaign, bench, predict, file)
-    within = Within(predict, bench, campaign.plan.heat_margin)
+    within = Within(predict, bench, campaign.plan)
     return Adaptive(campaign=campaign, bench=bench, candidates=candidates, within=within)
 
 

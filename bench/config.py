@@ -246,6 +246,9 @@ class PlanConfig(Section):
     heat_margin: NotNegative = Field(
         default=0.15, description="how much hotter than predicted a part may get, of its rise over ambient"
     )
+    power_margin: NotNegative = Field(
+        default=0.02, description="how much more current and power than predicted a point may take"
+    )
     order: Literal["random", "given", "power"] = Field(
         default="random", description="random tells drift from load"
     )

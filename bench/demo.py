@@ -226,7 +226,7 @@ def _optimum_campaign(optimum: OptimumTable, seed: int) -> CampaignConfig:
             "seed": seed,
             "plan": {
                 "kind": "points", "set_points": points, "order": "given",
-                "standby": 0, "no_load": 0, "heat_margin": 0.0,
+                "standby": 0, "no_load": 0, "heat_margin": 0.0, "power_margin": 0.0,
             },
         }
     )  # fmt: skip

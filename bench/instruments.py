@@ -26,9 +26,9 @@ from drivers.errors import IdentityError, InstrumentError, LimitError, LinkTimeo
 from drivers.reading import Quality, Reading
 
 PATIENCE = 4  # further updates asked for when one carries no data: two of a range change, and a spare
-START_UP_S = 5.0  # within this the controller must have brought the output voltage up
+START_UP_S = 5.0  # within this the supply, then the controller, must have brought its voltage up
 START_UP_STEP_S = 0.5
-REACHED = 0.9  # of the target: the output carries load from here on
+REACHED = 0.9  # of the target: the PWM may go on, then the output carries load, from here on
 ATTEND_EVERY_S = 0.5  # of the clock: how long an operator waits to be heard at most
 HEADROOM = 1.25  # of the load's current at full power and target voltage
 BEATS_TRIED = 3  # the controller trips after four that it missed
@@ -68,6 +68,7 @@ class Bench:
         self._power_W = 0.0  # what the load draws; 0 while it is off
         self._pwm = False
         self._powered = False
+        self._input_V = math.nan  # of the last sample
         self._tripped: Decision | None = None  # latched: what was not safe once stays so for this bench
         self._devices_asked_s = -math.inf
         self._last_read_s: dict[str, float] = {}
@@ -146,6 +147,7 @@ class Bench:
         values["D0"] = telemetry.D0
         values |= {column: getattr(telemetry, column) for column in TEMPERATURES}
         self._guard(values, telemetry)
+        self._input_V = values["V1_V"]
         qualities = [reading.quality for reading in readings.values()]
         worst = next((quality for quality in qualities if quality is not Quality.GOOD), Quality.GOOD)
         return Sample(time_s=self.clock.now(), values=values, quality=worst)
@@ -322,12 +324,26 @@ class Bench:
         controller, converter = self._of.controller, self.config.converter
         if self._pwm:
             return controller.set_modulation(converter.start_D1, converter.start_D2)
+        self._await_input()
         controller.arm()
         applied = controller.set_modulation(converter.start_D1, converter.start_D2)
         controller.enable()
         self._pwm = True
         self._await_output()
         return applied
+
+    def _await_input(self) -> None:
+        """Wait until the input voltage is up: what is switched on before charges its dc links through the bridges."""
+        target_V = self.config.converter.input_voltage_V
+        end_s = self.clock.now() + START_UP_S
+        while not (input_V := self._input_V) >= REACHED * target_V:
+            if self.clock.now() >= end_s:
+                raise LimitReached(
+                    f"input voltage {input_V:g} V {START_UP_S:g} s after the supply was switched on; target "
+                    f"{target_V:g} V: look at the supply's wiring and at the analyzer's element of the input"
+                )
+            self.clock.sleep(START_UP_STEP_S)
+            self.sample()
 
     def _await_output(self) -> None:
         """Wait until the output voltage is up: a load must not be thrown on before."""

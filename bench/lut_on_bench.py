@@ -110,6 +110,7 @@ def verification(table: pd.DataFrame, config: BenchConfig, *, name: str, bench_f
         "standby": 0,
         "no_load": 0,
         "heat_margin": 0.0,
+        "power_margin": 0.0,
     }
     campaign = check({"name": name, "plan": plan}, CampaignConfig, file=name)
     return Job.prepare(campaign, config, predict=simulated, file=name, bench_file=bench_file)

@@ -97,7 +97,7 @@ def make_plan(
     rng = np.random.default_rng(campaign.seed)
     plan = campaign.plan
     _refuse_outside_limits(campaign, bench, file)
-    predict = Within(predict, bench, plan.heat_margin)
+    predict = Within(predict, bench, plan)
     if plan.kind == "latin_hypercube":
         feasible, tried, left_out = _latin_hypercube(campaign, plan.points or 0, predict, rng, file)
     elif plan.adaptive is not None:
@@ -147,7 +147,7 @@ def candidates_of(
     Returns them with how many were tried, and the reasons of those left out; InputError when too few are left.
     """
     settings = campaign.plan.adaptive or AdaptiveConfig()
-    within = Within(predict, bench, campaign.plan.heat_margin, spare=SPARE)
+    within = Within(predict, bench, campaign.plan, spare=SPARE)
     return _latin_hypercube(campaign, settings.candidates, within, np.random.default_rng(campaign.seed), file)
 
 

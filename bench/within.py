@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.config import BenchConfig
+from bench.config import BenchConfig, PlanConfig
 from bench.prediction import Asked, FloatArray, Forecast, Predictor
 from bench.safety import Limits
 from bench.wording import channel_name
@@ -15,12 +15,13 @@ from bench.wording import channel_name
 class Within:
     """A predictor to which a point beyond the bench's limits is as infeasible as one without a solution.
 
-    So is one that cannot carry ``spare`` more of its power.
+    So is one that cannot carry ``spare`` more of its power. How far what is measured may be off what is predicted are
+    the margins of the ``plan``.
     """
 
     predict: Predictor
     bench: BenchConfig
-    heat_margin: float
+    plan: PlanConfig
     spare: float = 0.0
 
     def __call__(self, asked: Asked) -> Forecast:
@@ -65,4 +66,6 @@ class Within:
         return found
 
     def _expected(self, name: str, value: FloatArray, ambient_C: float) -> FloatArray:
-        return value + self.heat_margin * (value - ambient_C) if name.startswith("T_") else value
+        if name.startswith("T_"):
+            return value + self.plan.heat_margin * (value - ambient_C)
+        return value if name.endswith("_V") else value * (1 + self.plan.power_margin)  # voltages are held

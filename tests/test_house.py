@@ -162,8 +162,8 @@ DIMENSIONLESS = {
     },
     "bench.toml": {"input", "output", "link1", "link2", "unit", "speed", "start_D1", "start_D2"},
     "campaign.toml": {
-        "seed", "points", "shape", "repeats", "reference_every", "heat_margin", "standby", "no_load", "D1", "D2",
-        "start", "at_once", "candidates", "probability", "optimum", "lost", "spread", "samples",
+        "seed", "points", "shape", "repeats", "reference_every", "heat_margin", "power_margin", "standby", "no_load",
+        "D1", "D2", "start", "at_once", "candidates", "probability", "optimum", "lost", "spread", "samples",
         "power_tolerance", "voltage_tolerance",
     },
     "faults.toml": {"seed", "after", "every", "count", "chance", "value"},

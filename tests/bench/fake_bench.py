@@ -90,6 +90,7 @@ class FakeInstruments:
     broken: set[str] = field(default_factory=set)  # calls that fail with LinkLost
     failing: dict[str, Exception] = field(default_factory=dict)  # calls that fail once, and how
     supply_on: bool = False
+    supply_rises_s: float = 0.0  # from on to its whole voltage, on a line
     load_on: bool = False
     pwm: bool = False
     power_W: float = 0.0
@@ -100,6 +101,7 @@ class FakeInstruments:
     noise: float = 1e-5
     last_beat_s: float = 0.0
     longest_silence_s: float = 0.0
+    _supply_since_s: float = 0.0
     _stepped_s: float = 0.0
     _rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(5))
 
@@ -113,6 +115,19 @@ class FakeInstruments:
     @property
     def off(self) -> bool:
         return not (self.supply_on or self.load_on or self.pwm)
+
+    @property
+    def supply_V(self) -> float:
+        """What the supply has come up to."""
+        if not self.supply_on:
+            return 0.0
+        on_s = self.clock.now() - self._supply_since_s
+        return 300.0 if on_s >= self.supply_rises_s else 300.0 * on_s / self.supply_rises_s
+
+    def turn_supply_on(self) -> None:
+        """At 0 V first."""
+        self.set("supply on", supply_on=True)
+        self._supply_since_s = self.clock.now()
 
     def step(self) -> None:
         """Let the heatsink follow the load since the last call."""
@@ -136,7 +151,7 @@ class FakeInstruments:
             if self.supply_on
             else 0.0
         )
-        V1_V, V2_V = 300.0 * self.supply_on, 140.0 * (self.pwm and self.supply_on)
+        V1_V, V2_V = self.supply_V, 140.0 * (self.pwm and self.supply_on)
         values = {"U1": V1_V, "I1": P1_W / 300.0, "P1": P1_W, "U2": V2_V, "I2": P2_W / 140.0, "P2": P2_W}
         now, spread = self.clock.now(), self._rng.normal(1.0, self.noise, 6)
         return {
@@ -185,7 +200,7 @@ class FakeInstruments:
             ),
             supply=SimpleNamespace(
                 set_power_limit=silent,
-                on=lambda: self.set("supply on", supply_on=True),
+                on=self.turn_supply_on,
                 off=lambda: self.set("supply off", supply_on=False),
                 state=lambda: self.dc_state("supply", on=self.supply_on),
                 actual=lambda: {"U": volts(300.0 * self.supply_on)},

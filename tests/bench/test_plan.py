@@ -162,6 +162,24 @@ def test_points_predicted_beyond_the_limits_are_left_out_and_counted() -> None:
     assert made.infeasible["heatsink predicted too near its limit or above it"] > 0
 
 
+@pytest.mark.parametrize(("margin", "most_W"), [(0.02, 980.39), (0.1, 909.09), (0.0, 1000.0)])
+def test_points_keep_a_margin_of_power_and_current_to_the_limits(margin: float, most_W: float) -> None:
+    """What is measured takes a little more than what is predicted, and one sample beyond a limit ends a campaign."""
+
+    def lossless(asked: Asked) -> Forecast:
+        known = predict(asked)
+        return replace(known, columns=known.columns | {"P1_W": asked.power_W})
+
+    powers = [900.0, 909.0, 910.0, 980.0, 981.0, 1000.0, 1001.0]
+    points = [{"D1": 0.9, "D2": 0.0, "power_W": power_W} for power_W in powers]
+    limits = {"voltage_V": 320, "current_A": 10, "power_W": 1100, "output_voltage_V": 160}
+    plan = {"kind": "points", "set_points": points, "power_margin": margin}
+    ranges = {"I2": 1000.0 / 140.0}
+    bench = bench_config(limits=limits, analyzer={"resource": "fake", "ranges": ranges})
+    made = make_plan(campaign_config(plan=plan), bench, lossless, file="campaign.toml")
+    assert max(row.power_W for row in made.points) == max(p for p in powers if p <= most_W)
+
+
 def test_points_beyond_a_fixed_range_or_the_links_peak_are_left_out_with_the_reason() -> None:
     analyzer = {"resource": "fake", "ranges": {"U1": 300.0, "I2": 5.0}}
     limits = {"voltage_V": 320, "current_A": 10, "power_W": 2200, "output_voltage_V": 160, "link_peak_A": 9.0}
