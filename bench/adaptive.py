@@ -22,8 +22,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench.config import AdaptiveConfig, BenchConfig, CampaignConfig
+from bench.config import BenchConfig, CampaignConfig
 from bench.plan import AMBIENT_C, Box, Kind, PlannedPoint, candidates_of
+from bench.plan_config import AdaptiveConfig
 from bench.prediction import Asked, FloatArray, Predictor, model_of
 from bench.within import Within
 from bench.wording import action_text, effect_name, join

@@ -177,7 +177,8 @@ def _inspect(config: BenchConfig, opened: Mapping[str, Instrument], inspection: 
             _inspect_dc(name, instrument, needed[name], inspection)
         elif isinstance(instrument, Analyzer):
             own = config.analyzer
-            wrong = instrument.problems(list(analyzer_columns(config)), own.update_s, own.ranges)
+            columns = list(analyzer_columns(config))
+            wrong = instrument.problems(columns, own.update_s, own.ranges, scaled=own.scaled)
             inspection.faults += [f"{name}: {problem}" for problem in wrong]
         elif isinstance(instrument, Controller):
             _inspect_controller(name, instrument, inspection)

@@ -94,7 +94,11 @@ class Bench:
         analyzer, wiring = self.config.analyzer, self.config.analyzer.wiring
         links = {element for element in (wiring.link1, wiring.link2) if element is not None}
         self._of.analyzer.configure(
-            list(self._columns), analyzer.update_s, analyzer.ranges, ac_elements=links
+            list(self._columns),
+            analyzer.update_s,
+            analyzer.ranges,
+            ac_elements=links,
+            scaled=analyzer.scaled,
         )
 
     # --- reading ----------------------------------------------------------------------------------

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.config import AdaptiveConfig, BenchConfig, CampaignConfig, PlanConfig, SetPointConfig
+from bench.config import BenchConfig, CampaignConfig
 from bench.errors import InputError, Problem
+from bench.plan_config import AdaptiveConfig, PlanConfig, SetPointConfig
 from bench.prediction import Asked, Predictor
 from bench.within import Within
 from bench.wording import alike

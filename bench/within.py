@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.config import BenchConfig, PlanConfig
+from bench.config import BenchConfig
+from bench.plan_config import PlanConfig
 from bench.prediction import Asked, FloatArray, Forecast, Predictor
 from bench.safety import Limits
 from bench.wording import channel_name

@@ -17,6 +17,7 @@ from drivers.reading import Quality, Reading
 from drivers.scpi import (
     Number,
     ScpiLink,
+    parse_any_switch,
     parse_floats,
     parse_identity,
     parse_measured,
@@ -76,6 +77,7 @@ class Analyzer:
         self._items: tuple[str, ...] = ()
         self._elements: tuple[int, ...] = tuple(sorted({e for es in model.elements.values() for e in es}))
         self._update_s = 0.0
+        self._scaled: bool | None = None  # None: not known
         self._last: bytes | str | None = None
 
     def identify(self) -> Identity:
@@ -96,6 +98,8 @@ class Analyzer:
             self._elements = self.model.fitted_elements(model)
             for command in START:
                 self._scpi.command(command)
+            if self.model.scaling is not None:
+                self._scaled = self._scpi.query(self.model.scaling, parse_any_switch)
         return Identity(maker=maker, model=model, serial="" if serial == "0" else serial, firmware=firmware)
 
     def configure(
@@ -105,6 +109,7 @@ class Analyzer:
         ranges: Mapping[str, float] | None = None,
         *,
         ac_elements: Collection[int] = (3, 4),
+        scaled: bool = False,
     ) -> None:
         """Choose what is measured, how often, and on which ranges; everything is read back.
 
@@ -114,6 +119,7 @@ class Analyzer:
         update_s : update interval in seconds, one that the model has.
         ranges : fixed ranges in V or A, by channel; the others range automatically.
         ac_elements : elements that are wired to the ac link: measured by rms, not by mean.
+        scaled : whether elements are meant to multiply what they measure, by the ratio of a sensor, say.
 
         Raises
         ------
@@ -121,7 +127,7 @@ class Analyzer:
         InstrumentRefused, ReadbackError : the instrument did not take it.
         """
         fixed = dict(ranges or {})
-        if wrong := self.problems(items, update_s, fixed):
+        if wrong := self.problems(items, update_s, fixed, scaled=scaled):
             raise LimitError("; ".join(wrong))
         with self._scpi.lock:
             for command in (*START, *self.model.setup, *self._item_commands(items, ac_elements)):
@@ -136,9 +142,18 @@ class Analyzer:
                     self._scpi.command(f"{self._range_headers(channel)[1]} ON")
             self.set_ranges(fixed)
 
-    def problems(self, items: Sequence[str], update_s: float, ranges: Mapping[str, float]) -> list[str]:
+    def problems(
+        self, items: Sequence[str], update_s: float, ranges: Mapping[str, float], *, scaled: bool = False
+    ) -> list[str]:
         """All that :meth:`configure` would refuse before anything is sent; empty when nothing is wrong."""
-        return self.model.problems(items, update_s, ranges, self._elements)
+        wrong = self.model.problems(items, update_s, ranges, self._elements)
+        if self._scaled is not None and self._scaled != scaled:
+            said, meant = ("on", "off") if self._scaled else ("off", "on")
+            wrong.append(
+                f"the scaling of its elements is {said} and should be {meant}: they multiply what they measure by the "
+                "ratio of a sensor, or would have to; set it at the instrument, or the key scaled as it is"
+            )
+        return wrong
 
     def set_ranges(self, ranges: Mapping[str, float]) -> None:
         """Set fixed ranges in V or A, by channel (``{"U1": 300, "I1": 10}``), and read them back."""

@@ -52,7 +52,11 @@ class ConditionBit(_Table):
 
 
 class AnalyzerModel(_Table):
-    """One family of power analyzers."""
+    """One family of power analyzers.
+
+    ``setup`` are commands that bring it to where it is expected, ``scaling`` is the query whether elements multiply
+    what they measure; None where it cannot be asked.
+    """
 
     kind: Literal["analyzer"]
     maker: str
@@ -63,6 +67,7 @@ class AnalyzerModel(_Table):
     voltage_ranges_V: tuple[float, ...]
     current_ranges_A: tuple[float, ...]
     setup: tuple[str, ...]
+    scaling: str | None = None
     elements: dict[str, tuple[int, ...]]
     functions: dict[Quantity, Function]
     ranges: dict[Ranged, RangeCommand]

@@ -110,6 +110,18 @@ def parse_register(text: str) -> int:
     return int(word)
 
 
+def parse_any_switch(text: str) -> bool:
+    """Whether one of several switches is on, each with a header of its own or none.
+
+    >>> parse_any_switch(":INPUT:SCALING:STATE:ELEMENT1 0;ELEMENT2 1")
+    True
+    """
+    words = [part.split()[-1].upper() for part in re.split("[;,]", text) if part.strip()]
+    if not words or not set(words) <= {"0", "1", "OFF", "ON"}:
+        raise ReplyError(f"{text!r} are not switches, 0 or 1 each", reply=text)
+    return not {"1", "ON"}.isdisjoint(words)
+
+
 def parse_floats(block: bytes) -> list[Number]:
     """The content of a FLOAT block: single precision, high byte first."""
     if not block or len(block) % 4:

@@ -76,6 +76,7 @@ class ScpiAnalyzer:
         self._ranges = {f"{quantity}{n}": steps[-1] for quantity, steps in RANGES.items() for n in channels}
         self._automatic = dict.fromkeys(self._ranges, False)
         self._binary = False
+        self._scaled = False
         self._held: Values | None = None
         self._event_on_update = False
         self._values: Values = {}
@@ -96,6 +97,8 @@ class ScpiAnalyzer:
             ":STATus:EESR": lambda _: str(self._event()),
             ":STATus:FILTer#": self._filter,
             ":COMMunicate:WAIT": self._wait,
+            ":MEASure:AVERaging:STATe": self._averaging,
+            ":[INPut:]SCALing:STATe[:ALL]": self._scaling,
             ":[INPut:]VOLTage:RANGe:ELEMent#": lambda call: self._range("U", call),
             ":[INPut:]CURRent:RANGe:ELEMent#": lambda call: self._range("I", call),
             ":[INPut:]VOLTage:AUTO:ELEMent#": lambda call: self._auto("U", call),
@@ -233,6 +236,21 @@ class ScpiAnalyzer:
         if call.asks:
             return str(int(self._automatic[channel]))
         self._automatic[channel] = parse_switch(call.argument)
+        return None
+
+    def _averaging(self, call: Call) -> str | None:
+        """Off, and that for good: there is none here."""
+        if call.asks:
+            return "0"
+        if parse_switch(call.argument):
+            raise CommandError(*OUT_OF_RANGE)
+        return None
+
+    def _scaling(self, call: Call) -> str | None:
+        """Of all elements, whose ratios and factors are 1."""
+        if call.asks:
+            return ";".join([str(int(self._scaled))] * self._elements)
+        self._scaled = parse_switch(call.argument)
         return None
 
     # --- status -------------------------------------------------------------------------------------

@@ -42,8 +42,13 @@ def checked(*commands: str) -> str:
 START = checked(
     ":COMMUNICATE:HEADER OFF", ":COMMUNICATE:VERBOSE OFF", ":NUMERIC:HOLD OFF", ":STATUS:FILTER1 FALL"
 )
+SCALING = """
+    > :INPUT:SCALING:STATE?
+    < 0;0;0;0
+"""
 CONFIGURE = f"""
     {START}
+    {checked(":MEASURE:AVERAGING:STATE OFF")}
     {checked(":NUMERIC:FORMAT ASCII", ":NUMERIC:NORMAL:NUMBER 2")}
     {checked(":NUMERIC:NORMAL:ITEM1 UDC,1", ":NUMERIC:NORMAL:ITEM2 P,1", ":RATE 500MS")}
     > :RATE?
@@ -77,11 +82,43 @@ def configured(text: str) -> Analyzer:
 
 
 def test_identifies_by_the_model_code_and_makes_replies_plain() -> None:
-    analyzer = scripted(IDENTIFY + START)
+    analyzer = scripted(IDENTIFY + START + SCALING)
     identity = analyzer.identify()
     assert (identity.maker, identity.model, identity.firmware) == ("YOKOGAWA", "760304-40-MV", "F5.01")
     assert identity.serial == "", "these instruments tell no serial number: the field is always 0"
     analyzer.close()
+
+
+@pytest.mark.parametrize(
+    ("reply", "scaled", "said"),
+    [
+        ("0;0;0;0", False, None),
+        ("0", False, None),
+        ("0;1;0;0", False, "is on and should be off"),
+        (
+            ":INPUT:SCALING:STATE:ELEMENT1 0;ELEMENT2 1;ELEMENT3 0;ELEMENT4 0",
+            False,
+            "is on and should be off",
+        ),
+        ("1", True, None),
+        ("OFF", True, "is off and should be on"),
+    ],
+)
+def test_scaling_that_somebody_left_or_took_is_a_problem(reply: str, scaled: bool, said: str | None) -> None:
+    analyzer = scripted(IDENTIFY + START + SCALING.replace("0;0;0;0", reply))
+    analyzer.identify()
+    problems = analyzer.problems(["U1", "P1"], 0.5, {}, scaled=scaled)
+    assert [problem.partition("elements ")[2].partition(":")[0] for problem in problems] == [said] * bool(
+        said
+    )
+    if said:
+        with pytest.raises(LimitError, match=said):  # and nothing is sent: the script ends here
+            analyzer.configure(["U1", "P1"], 0.5, scaled=scaled)
+
+
+def test_scaling_that_is_no_switch_is_no_reply() -> None:
+    with pytest.raises(ReplyError, match="not switches"):
+        scripted(IDENTIFY + START + SCALING.replace("0;0;0;0", "0;2")).identify()
 
 
 @pytest.mark.parametrize("idn", ["YOKOGAWA,WT310-C2-H,C2PH13019V,F1.01", "ACME,760304-40-MV,0,F5.01"])
@@ -98,7 +135,8 @@ def test_configures_item_by_item_and_reads_back() -> None:
 def test_the_ac_link_is_measured_by_rms_and_dc_ports_by_their_mean() -> None:
     items = checked(":NUMERIC:NORMAL:ITEM1 IDC,1", ":NUMERIC:NORMAL:ITEM2 IRMS,2")
     head = checked(":NUMERIC:FORMAT ASCII", ":NUMERIC:NORMAL:NUMBER 2")
-    analyzer = scripted(f"{START}\n{head}\n{items}")
+    steady = checked(":MEASURE:AVERAGING:STATE OFF")
+    analyzer = scripted(f"{START}\n{steady}\n{head}\n{items}")
     with pytest.raises(AssertionError, match=":RATE"):  # where this script ends
         analyzer.configure(["I1", "I2"], 0.5, ac_elements={2})
 

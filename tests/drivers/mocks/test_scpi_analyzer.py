@@ -145,6 +145,21 @@ def test_hold_freezes_the_values(mock: ScpiAnalyzer, plant: FakePlant) -> None:
     assert ask(mock, ":NUMERIC:NORMAL:VALUE? 1") != held
 
 
+def test_scaling_is_told_of_each_element(mock: ScpiAnalyzer) -> None:
+    assert ask(mock, ":INPUT:SCALING:STATE?") == "0;0;0;0\r\n"
+    ask(mock, ":INPUT:SCALING:STATE:ALL ON")
+    assert ask(mock, ":INPUT:SCALING:STATE?") == "1;1;1;1\r\n"
+    ask(mock, "*RST")
+    assert ask(mock, ":INPUT:SCALING:STATE?") == "0;0;0;0\r\n"
+
+
+def test_it_has_no_averaging_to_switch_on(mock: ScpiAnalyzer) -> None:
+    ask(mock, ":MEASURE:AVERAGING:STATE OFF")
+    assert ask(mock, ":STATUS:ERROR?").startswith("0,")
+    ask(mock, ":MEASURE:AVERAGING:STATE ON")
+    assert ask(mock, ":STATUS:ERROR?").startswith("222,")
+
+
 def test_no_data_from_a_range_change_to_the_next_update(mock: ScpiAnalyzer, plant: FakePlant) -> None:
     ask(mock, ":INPUT:VOLTAGE:RANGE:ELEMENT1 300V")
     assert ask(mock, ":NUMERIC:NORMAL:VALUE? 1") == "NAN\r\n"
