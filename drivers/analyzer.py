@@ -37,6 +37,11 @@ START = (
 )
 VALUES = ":NUMERIC:NORMAL:VALUE?"
 STALE_RETRIES = 2
+SCALED = (
+    "scaling is on and was expected off: its elements multiply by a sensor's ratio or a factor; switch it off at the "
+    "instrument, or say scaled = true where the sensors need it"
+)
+NOT_SCALED = "scaling is off and was expected on: set the sensors' ratios at the instrument and switch it on, or drop scaled"
 
 
 class Analyzer:
@@ -148,11 +153,7 @@ class Analyzer:
         """All that :meth:`configure` would refuse before anything is sent; empty when nothing is wrong."""
         wrong = self.model.problems(items, update_s, ranges, self._elements)
         if self._scaled is not None and self._scaled != scaled:
-            said, meant = ("on", "off") if self._scaled else ("off", "on")
-            wrong.append(
-                f"the scaling of its elements is {said} and should be {meant}: they multiply what they measure by the "
-                "ratio of a sensor, or would have to; set it at the instrument, or the key scaled as it is"
-            )
+            wrong.append(SCALED if self._scaled else NOT_SCALED)
         return wrong
 
     def set_ranges(self, ranges: Mapping[str, float]) -> None:

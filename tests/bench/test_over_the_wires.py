@@ -14,6 +14,7 @@ from bench.lock import ports_of_bench
 from bench.lut_on_bench import following, load_into_controller, table_rows, verification
 from bench.progress import Progress
 from bench.store import Store
+from drivers.analyzer import NOT_SCALED
 from drivers.clock import StepClock
 from drivers.errors import InstrumentError
 from drivers.mocks.plant import Plant
@@ -125,8 +126,10 @@ def test_a_check_finds_settings_that_the_analyzer_has_not() -> None:
     plant = virtual_plant()
     with Rack(plant) as rack:
         bench = rack.bench_config()
-        bench["analyzer"] |= {"update_s": 0.3, "ranges": {"U1": 250.0}}  # type: ignore[operator]
-        interval, voltage = inspect_bench(check(bench, BenchConfig, file="bench.toml"), plant.clock).faults
+        bench["analyzer"] |= {"update_s": 0.3, "ranges": {"U1": 250.0}, "scaled": True}  # type: ignore[operator]
+        faults = inspect_bench(check(bench, BenchConfig, file="bench.toml"), plant.clock).faults
+    interval, voltage, scaling = faults
+    assert scaling == f"analyzer: {NOT_SCALED}"
     assert interval.startswith("analyzer: update interval 0.3 s")
     assert voltage.startswith("analyzer: range U1")
 
