@@ -41,7 +41,10 @@ SCALED = (
     "scaling is on and was expected off: its elements multiply by a sensor's ratio or a factor; switch it off at the "
     "instrument, or say scaled = true where the sensors need it"
 )
-NOT_SCALED = "scaling is off and was expected on: set the sensors' ratios at the instrument and switch it on, or drop scaled"
+NOT_SCALED = (
+    "scaling is off and was expected on: set the sensors' ratios at the instrument and switch it on, or leave scaled "
+    "out"
+)
 
 
 class Analyzer:
