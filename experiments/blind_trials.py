@@ -6,7 +6,8 @@ the measurement table and answers in JSON; truth is read only to score.
 
 Trials of one, two or foreign effects count where the truth itself says that they can be seen: at least five sigma
 of the hidden effect stand out of whatever could be mistaken for it, in what noise, tolerances and instruments
-leave. What that excludes is counted. ``--only`` runs some of the parts; finished trials are kept and not repeated.
+leave. What that excludes is counted. ``--only`` runs some of the parts, those without a bar too; finished trials are
+kept and not repeated.
 
 Seeds 3500000 to 3599999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
 """
@@ -46,7 +47,7 @@ def run_with(seeds: Seeds, settings: Settings) -> Result:
     )
     journal = Journal(path=settings.out / f"blind_trials_{seeds.said}.jsonl", code=code)
     run = Run(settings=settings, seeds=seeds, journal=journal)
-    chosen = [part for part in PARTS if not settings.only or part.name in settings.only]
+    chosen = [p for p in PARTS if (p.name in settings.only if settings.only else not p.beside)]
     outcomes = [part.run(run) for part in chosen]
     result = _joined(outcomes)
     left = [part.name for part in PARTS if part not in chosen]

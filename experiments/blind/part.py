@@ -107,8 +107,12 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """A row of the table by its name, which ``--only`` takes."""
+    """A row of the table by its name, which ``--only`` takes.
+
+    One ``beside`` the table has no bar, and is run by its name only.
+    """
 
     name: str
     says: str
     run: Callable[[Run], Outcome]
+    beside: bool = False

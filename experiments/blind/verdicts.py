@@ -255,8 +255,16 @@ VERDICT_PARTS = (
     Part(name="nothing", says="nothing hidden, four kinds of noise", run=_nothing),
     Part(name="foreign", says="not in the catalogue", run=_foreign),
     Part(
-        name="foreign_alone", says="not in the catalogue, efficiency alone, without a bar", run=_foreign_alone
+        name="foreign_alone",
+        says="not in the catalogue, efficiency alone; without a bar, by name only",
+        run=_foreign_alone,
+        beside=True,
     ),
     Part(name="efficiency_only", says="efficiency alone", run=_efficiency_only),
-    Part(name="sizes", says="one hidden effect in short and long tables, without a bar", run=_sizes),
+    Part(
+        name="sizes",
+        says="one hidden effect in short and long tables; without a bar, by name only",
+        run=_sizes,
+        beside=True,
+    ),
 )

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import HIDDEN
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import schedule
+from experiments import blind_trials
 from experiments.blind import reach as reach_module
 from experiments.blind import trial as blind_trial
 from experiments.blind.answer import NO_ANSWER, Answer
@@ -29,6 +31,7 @@ from experiments.blind.draws import (
     sizes,
     tied,
 )
+from experiments.blind.part import Outcome, Part
 from experiments.blind.reach import hideable
 from experiments.blind.scoring import Scored
 from experiments.blind.seeds import ROWS, SCORING, TUNING
@@ -36,6 +39,7 @@ from experiments.blind.surrogates import campaign
 from experiments.blind.trial import HEAVY, NOISES, UNDERSTATED, BlindTrial, ask, measured
 from experiments.blind_trials import NAMES
 from experiments.harness.lab_data import measured_table, random_set_points
+from experiments.harness.settings import Settings
 from models.screening import LOADED_KINDS
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
@@ -53,6 +57,25 @@ MANY = 60
 
 def test_every_row_of_the_table_has_seeds_and_a_part() -> None:
     assert set(NAMES) == {*ROWS, "foreign_alone"}  # of the labs of foreign effects
+
+
+@pytest.mark.parametrize(
+    ("only", "run"),
+    [((), set(NAMES) - {"foreign_alone", "sizes"}), (("sizes", "single"), {"sizes", "single"})],
+)
+def test_the_table_is_what_has_a_bar_and_the_rest_is_run_by_name(
+    only: tuple[str, ...], run: set[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ran = set[str]()
+
+    def noting(part: Part) -> Part:
+        return replace(part, run=lambda _: ran.add(part.name) or Outcome())  # type: ignore[func-returns-value]
+
+    monkeypatch.setattr(blind_trials, "PARTS", tuple(map(noting, blind_trials.PARTS)))
+    monkeypatch.setattr(blind_trials, "_pictures", lambda *_: ())
+    found = blind_trials.run_with(TUNING, Settings(only=only, out=tmp_path))
+    assert ran == run
+    assert found.notes[-1] == f"not run: {', '.join(name for name in NAMES if name not in run)}"
 
 
 @pytest.mark.parametrize("row", DRAWS)
