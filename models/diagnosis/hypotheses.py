@@ -132,7 +132,7 @@ class Fit:
 
     ``log_evidence`` counts against an arbitrary constant that all fits of one geometry share. ``bend`` (n, N) is by how
     much its simulation's unknowns were beside the straight lines that it started along, ``spreads`` (K,) how many
-    sigmas everyday spreads were off there.
+    sigmas everyday spreads were off there; its next simulation goes a ``share`` of the way to the most probable ones.
     """
 
     terms: tuple[Term, ...]
@@ -140,6 +140,7 @@ class Fit:
     log_evidence: float = -np.inf
     bend: Array | float = 0.0
     spreads: Array | float = 0.0
+    share: float = 1.0
 
     @classmethod
     def nothing(cls, readings: int) -> Self:

@@ -171,7 +171,7 @@ class Refinery:
 
         Where the simulator has no answer the old shift stays.
         """
-        states = [self.spreads(fit) for fit in fits]
+        states = [self._ahead(fit) for fit in fits]
         models = [self.model(fit, state) for fit, state in zip(fits, states, strict=True)]
         starts = [self._start(fit, state) for fit, state in zip(fits, states, strict=True)]
         solved, seen = self.observations.solved(models, self.near, starts), []
@@ -179,9 +179,14 @@ class Refinery:
             shift = here - self.known.moved(state, self.larger(fit)) - self.known.baseline
             bend = 0.0 if start is None else fit.bend + np.nan_to_num(there - start)
             shift = np.where(np.isfinite(shift), shift, fit.shift)
-            seen.append(replace(fit, shift=shift, bend=bend, spreads=state))
+            seen.append(replace(fit, shift=shift, bend=bend, spreads=state, share=1.0))
         weighed = self.weighed_all(seen)
         return [replace(fit, log_evidence=w.log_evidence) for fit, w in zip(seen, weighed, strict=True)]
+
+    def _ahead(self, fit: Fit) -> Array:
+        """The spreads that a fit is simulated with: the most probable ones, or a part of the way there."""
+        there = self.spreads(fit)
+        return there if fit.share == 1.0 else fit.spreads + fit.share * (there - fit.spreads)
 
     def _start(self, fit: Fit, spreads: Array) -> Array | None:
         """Unknowns for a fit to start from, with these spreads."""
@@ -229,8 +234,9 @@ class Refinery:
         They do where a step would be no longer than ``still`` standard deviations of the values.
 
         What falls far behind the ``leader`` is left where it is. A step that loses evidence is halved from the
-        best state seen: where edges pass each other the simulation is not smooth. A fit without causes has steps of
-        its spreads alone, and goes on as long as they gain.
+        best state seen, that of the spreads too: where edges pass each other the simulation is not smooth, and near
+        the limit a part that is a sigma off bends readings. A fit without causes has steps of its spreads alone, and
+        goes on as long as they gain.
         """
         best: dict[tuple[object, ...], Fit] = {}
         for fit in fits:
@@ -256,8 +262,9 @@ class Refinery:
                     halved = 0.5 * (np.array([t.value for t in fit.terms]) - [t.value for t in known.terms])
                     little = known.log_evidence - fit.log_evidence < _LITTLE
                     least = max(still, _WORTH_HALVING) if little else still
-                    if np.any(np.abs(halved) > least * there.sigma):
-                        going.append(replace(known, terms=_with_slopes(known, fit)).moved(halved))
+                    if not fit.terms or np.any(np.abs(halved) > least * there.sigma):
+                        half = replace(known, terms=_with_slopes(known, fit)).moved(halved)
+                        going.append(replace(half, share=0.5 * aimed.share))
             leader, ahead = max([leader, *(f.log_evidence for f in best.values())]), going
         return list(best.values())
 

@@ -28,27 +28,29 @@ CABLE = Spread(path="input_cable_Ohm", sigma=0.002, relative=False)
 BASELINE_Ohm = Model.baseline().converter.input_cable_Ohm
 
 
-def kinked(sigmas: float) -> Array:
-    """What a cable that is off by so many sigmas does to the readings, in W."""
-    return np.asarray(WAVE * sigmas + KINK * max(sigmas - 1.0, 0.0))
+def kinked(sigmas: float, sharp: float = 1.0) -> Array:
+    """What a cable that is off by so many sigmas does to the readings, in W, with a kink so many times as sharp."""
+    return np.asarray(WAVE * sigmas + sharp * KINK * max(sigmas - 1.0, 0.0))
 
 
 @dataclass(frozen=True)
 class KinkedBench(LinearBench):
     """A bench whose cable has a kink, as edges have that pass each other."""
 
+    sharp: float = 1.0
+
     def _predicted(self, model: Model) -> Array:
         sigmas = (model.converter.input_cable_Ohm - BASELINE_Ohm) / CABLE.sigma
-        return super()._predicted(model) + kinked(sigmas)
+        return super()._predicted(model) + kinked(sigmas, self.sharp)
 
 
-def bench(value: Array) -> Refinery:
+def bench(value: Array, sharp: float = 1.0) -> Refinery:
     """Its refinery, which knows the cable on its line."""
     linear = refinery(value, [LINK], SIGMA, WAVE[None])
     return replace(
         linear,
         known=replace(linear.known, modes=CommonModes.of((CABLE,), prototype()), spread_names=(CABLE.path,)),
-        observations=KinkedBench(value, [LINK]),  # type: ignore[arg-type]  # as much of it as a refinery needs
+        observations=KinkedBench(value, [LINK], sharp),  # type: ignore[arg-type]  # as much as a refinery needs
     )
 
 
@@ -58,6 +60,15 @@ def test_nothing_is_followed_as_far_as_its_spreads_gain() -> None:
     (nothing,) = found.followed([once])
     assert once.log_evidence < -70.0  # the line leads to 1.76 sigma, where the kink has long begun
     assert nothing.log_evidence > once.log_evidence + 40.0  # of the 67 that there are
+
+
+def test_a_step_that_loses_goes_half_the_way_of_the_spreads_as_well() -> None:
+    """The line leads to 1.56 sigma, and from there to 0.56, in turn; the cable is off by 1.2."""
+    found = bench(kinked(1.2, 2.0), 2.0)
+    (once,) = found.simulated([Fit.nothing(READINGS)])
+    (nothing,) = found.followed([once])
+    assert np.ravel(nothing.spreads) == pytest.approx([1.06], abs=0.01)  # 0.56 and a half of one more
+    assert nothing.log_evidence > -50.0  # 298 and 96 behind at the two others
 
 
 def learned(spreads: Array) -> float:
