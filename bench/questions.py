@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from bench.verdict_wording import CONDITIONS, doubted_conditions, onset_text, possible, sensor_text
+from bench.verdict_wording import CONDITIONS, doubted_conditions, possible, told_text
 from bench.wording import (
     SHOWN,
     action_text,
@@ -51,6 +51,7 @@ def first_questions(diagnosis: Mapping[str, Any]) -> list[str]:
     """What to make sure of before any cause is checked."""
     asked = (
         _question_of_a_sensor(diagnosis),
+        _question_over_temperature(diagnosis),
         _question_of_conditions(diagnosis),
         _question_of_an_onset(diagnosis),
         _question_of_columns(diagnosis),
@@ -103,6 +104,24 @@ def _question_of_a_sensor(diagnosis: Mapping[str, Any]) -> str:
     of = f"{channel_name(str(sensor['column']))} ({sensor['column']})"
     otherwise = _OTHERWISE.get(str(sensor["column"]), "") if sensor["kind"] == "gain" else ""
     return f"Check what reads the {of}: its ratio, its wiring, the column's unit{otherwise}; then diagnose again."
+
+
+def _question_over_temperature(diagnosis: Mapping[str, Any]) -> str:
+    """What to measure where a property seems to go by temperature; empty where none does.
+
+    >>> change = {"effect": "leakage_inductance", "column": "T_inductor_C", "check": "measure the series inductance"}
+    >>> print(_question_over_temperature({"unknown": {"probability": 1.0, "over_temperature": change}})[:99])
+    Measure one set point soon after a cold start and again when all is warm: if leakage inductance goe
+    """
+    unknown = diagnosis.get("unknown") or {}
+    if not (change := unknown.get("over_temperature")) or float(unknown["probability"]) < _LIKELY:
+        return ""
+    part = f"{channel_name(change['column'])} ({change['column']})"
+    return (
+        "Measure one set point soon after a cold start and again when all is warm: if "
+        f"{effect_name(change['effect'])} goes by the temperature of the {part}, the two differ. To be sure, "
+        f"{change['check']}, cold and warm."
+    )
 
 
 def _question_of_an_onset(diagnosis: Mapping[str, Any]) -> str:
@@ -174,8 +193,7 @@ def _question_of_the_model(diagnosis: Mapping[str, Any]) -> str:
     if (worse := extension_worse(diagnosis)) and not spreads_make_good(diagnosis):
         reasons.append(f"{worse}, so the extended model is not to be used")
     left = float((diagnosis.get("unknown") or {}).get("probability", 1.0)) >= SHOWN
-    told = sensor_text(diagnosis) or onset_text(diagnosis)
-    nameless = left and not _alike(diagnosis) and not told
+    nameless = left and not _alike(diagnosis) and not told_text(diagnosis)
     if not reasons and diagnosis.get("verdict") == "unknown" and nameless:
         reasons = ["no known cause explains all of the gap"]
     if not reasons:

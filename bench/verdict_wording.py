@@ -185,6 +185,20 @@ def sensor_text(diagnosis: Mapping[str, Any]) -> str:
     return f"a sensor is off{otherwise}: {_reads(sensor)}"
 
 
+def over_temperature_text(diagnosis: Mapping[str, Any]) -> str:
+    """Which property goes by its part's temperature, where that is what no cause explains; empty where none does.
+
+    >>> change = {"effect": "leakage_inductance", "parameter": "relative_error", "per_K": -0.00102}
+    >>> over_temperature_text({"unknown": {"over_temperature": change | {"column": "T_inductor_C"}}})
+    'leakage inductance goes by the temperature of the inductor winding: −1.02 % in 10 K'
+    """
+    change = (diagnosis.get("unknown") or {}).get("over_temperature")
+    if not change:
+        return ""
+    of = f"{effect_name(change['effect'])} goes by the temperature of the {channel_name(change['column'])}"
+    return minus(f"{of}: {size_text(change['parameter'], 10.0 * change['per_K'])} in 10 K")
+
+
 def _reads(sensor: Mapping[str, Any]) -> str:
     """By how much a sensor reads high or low."""
     size = abs(float(sensor["value"]))
@@ -194,6 +208,19 @@ def _reads(sensor: Mapping[str, Any]) -> str:
         else f"{size:.3g} {difference_unit(sensor['column'])}"
     )
     return f"{channel_name(sensor['column'])} reads {of} {'high' if sensor['value'] > 0 else 'low'}"
+
+
+# what a leftover may be known as, and what a cause beside it is said to be beside
+_TOLD = (
+    (sensor_text, "a sensor that is off"),
+    (over_temperature_text, "a property that goes by temperature"),
+    (onset_text, "a change on the way"),
+)
+
+
+def told_text(diagnosis: Mapping[str, Any]) -> str:
+    """What it is that no cause explains, where that is known; empty where it is not."""
+    return next((said for text, _ in _TOLD if (said := text(diagnosis))), "")
 
 
 def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
@@ -216,6 +243,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
         return ""
     if sensor := sensor_text(diagnosis):
         return f"{probability_text(unknown['probability'])} probable that {sensor}"
+    if change := over_temperature_text(diagnosis):
+        return f"{probability_text(unknown['probability'])} probable that {change}"
     if onset := onset_text(diagnosis):
         return (
             f"{probability_text(unknown['probability'])} probable that something changed on the way: {onset}"
@@ -265,6 +294,10 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     >>> loose["parameter"] = {"name": "resistance_Ohm", "value": 0.0606, "off": 0.0}
     >>> verdict_text({"verdict": "unknown", "unknown": {"probability": 1.0, "onset": loose}})
     'Ac-link resistance sets in between rows 58 and 59, after 2 h 54 min (60.6 mΩ then, 0 Ω before)'
+    >>> change = {"effect": "leakage_inductance", "parameter": "relative_error", "per_K": -0.00102}
+    >>> warm = {"probability": 1.0, "over_temperature": change | {"column": "T_inductor_C"}}
+    >>> verdict_text({"verdict": "unknown", "unknown": warm})
+    'Leakage inductance goes by the temperature of the inductor winding: −1.02 % in 10 K'
     >>> strained = {"verdict": "unknown", "unknown": {"probability": 1.0, "strained": True}}
     >>> verdict_text(strained | {"causes": [{"effect": "dead_time", "probability": 0.98}]})
     'Something is wrong that efficiency alone does not tell; dead time would need loss laws that are off as well'
@@ -279,8 +312,7 @@ def _of_names(diagnosis: Mapping[str, Any]) -> str:
     named, groups = diagnosis.get("named") or (), diagnosis.get("groups") or ()
     tied = ", and ".join(join([effect_name(name) for name in group], "or") for group in groups)
     leftover = float((diagnosis.get("unknown") or {}).get("probability", 0.0))
-    sensor, onset = sensor_text(diagnosis), onset_text(diagnosis)
-    what = "a sensor that is off" if sensor else "a change on the way" if onset else "something unknown"
+    what = next((said for text, said in _TOLD if text(diagnosis)), "something unknown")
     unknown = f"{what} ({probability_text(leftover)})" if leftover >= _SUSPECTED else ""
     if not (named or groups):
         return VERDICTS[str(diagnosis["verdict"])]
@@ -316,12 +348,11 @@ def _of_the_unknown(diagnosis: Mapping[str, Any]) -> str:
             return f"Something is wrong: {likeliest} is suspected, but may be no further off than parts are"
         return f"Something is wrong: {likeliest}, or what no known cause explains"
     causes = [effect_name(str(cause["effect"])) for cause in probable_causes(diagnosis, _SURE)]
-    sure, sensor, onset = join(causes), sensor_text(diagnosis), onset_text(diagnosis)
+    sure, told = join(causes), told_text(diagnosis)
     if unknown.get("strained"):
-        told = "Something is wrong that efficiency alone does not tell"
-        return f"{told}; {sure} would need loss laws that are off as well" if sure else told
+        open_ = "Something is wrong that efficiency alone does not tell"
+        return f"{open_}; {sure} would need loss laws that are off as well" if sure else open_
     if not sure:
-        told = sensor or onset
         return f"{told[0].upper()}{told[1:]}" if told else VERDICTS["unknown"]
-    rest = sensor or onset or "no known cause explains all that is missed"
+    rest = told or "no known cause explains all that is missed"
     return f"{rest[0].upper()}{rest[1:]}; {sure} may be a part of it"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.leftover import Leftover, Leftovers, over_campaign
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.sensors import SensorError, is_sensor, sensor_steps
+from models.diagnosis.sensors import SensorError, is_sensor, sensor_steps, times_in
 from models.diagnosis.signatures import Signature
 from models.diagnosis.triangular import root_solved
 from models.diagnosis.whitener import Whitener
@@ -43,8 +43,8 @@ class Change:
         if self.sensor is None:
             return self
         (direction,) = self.columns
-        times = float(shift @ direction / (direction @ direction))
-        return replace(self, sensor=replace(self.sensor, value=times * self.sensor.value))
+        value = times_in(direction, shift) * self.sensor.value
+        return replace(self, sensor=replace(self.sensor, value=value))
 
     def as_plain(self) -> dict[str, Any]:
         """For the JSON answer."""

@@ -173,6 +173,8 @@ class Diagnosis:
         placed: dict[str, Any] = {"location": u.location, "rms_W": u.rms_W}
         if u.sensor is not None:
             placed["sensor"] = u.sensor.as_plain()
+        if u.over_temperature is not None:
+            return placed | {"over_temperature": u.over_temperature.as_plain()}
         if u.onset is not None:
             placed["onset"] = u.onset.as_plain(self.measured_rows)
             return placed

@@ -6,19 +6,20 @@ there would be; temperatures follow by amounts of their own. It is written as :m
 at the measured set points. Some losses change faster than that, but go by one quantity alone: the heatsink's measured
 temperature (a contact, a leakage current), or the power (a controller that changes its ways). Which location and how
 many watts it has is not known, so every configuration is a rival of its own, and beside them a sensor that is off
-(:mod:`models.diagnosis.sensors`), and a cause that is not there all the time (:mod:`models.diagnosis.onset`).
+(:mod:`models.diagnosis.sensors`), a property that goes by temperature (:mod:`models.diagnosis.over_temperature`), and a
+cause that is not there all the time (:mod:`models.diagnosis.onset`).
 """
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import kernel, locations
 from models.diagnosis.observations import Observations
-from models.diagnosis.sensors import AMPLITUDE, SensorStep
+from models.diagnosis.sensors import AMPLITUDE
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,20 @@ _LOCATIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _LIKE_OUTPUT = {"ac link, in series": ("D0", "I_L_rms_A")}
 IN_TIME, GAIN_IN_TIME = "over time", "gain over time"
 _LENGTH_OF_HEAT, _LENGTH_OF_POWER = 0.3, 0.08  # of the range of the one quantity that a loss goes by
+
+
+class Step(Protocol):
+    """What moves readings in one ``direction`` (M,), of a size that stands for others."""
+
+    @property
+    def place(self) -> str:
+        """Where it is, in words."""
+        ...
+
+    @property
+    def direction(self) -> Array:
+        """The direction, one step long."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,12 +137,12 @@ def trends(place: Array) -> Array:
 
 
 def leftovers(
-    observations: Observations, per_watt: Array, power: float = 1.0, sensors: Iterable[SensorStep] = ()
+    observations: Observations, per_watt: Array, power: float = 1.0, steps: Iterable[Step] = ()
 ) -> Leftovers:
     """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves.
 
-    ``power`` is that of the converter against the prototype's, for which amplitudes are stated; beside them may be an
-    error of one of the ``sensors``.
+    ``power`` is that of the converter against the prototype's, for which amplitudes are stated; beside them may be one
+    of the ``steps``.
     """
     amplitudes_W, straight_W = (tuple(power * a for a in each) for each in (AMPLITUDES_W, _STRAIGHT_W))
     row, power_W = observations.row, np.asarray(observations.points.power_W)
@@ -164,7 +179,7 @@ def leftovers(
             follows = np.any([observations.of(c) for c in _LIKE_OUTPUT.get(name, ())], axis=0)
             scale = at_output if name == "output" else np.where(follows, per_watt, watt)
             found.append((f"{name}, {said}", basis.add(channels, scale, maps[:, place]), straight_W))
-    found += [(step.place, basis.direction(step.direction), (AMPLITUDE,)) for step in sensors]
+    found += [(step.place, basis.direction(step.direction), (AMPLITUDE,)) for step in steps]
     return basis.leftovers(found)
 
 

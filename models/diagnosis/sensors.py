@@ -91,6 +91,14 @@ def sensor_error(steps: Iterable[SensorStep], location: str, shift: Array) -> Se
     """What a leftover at that place, a ``shift`` (M,) of readings, says of a sensor; None of what is none."""
     for step in steps:
         if step.place == location:
-            times = float(shift @ step.direction / (step.direction @ step.direction))
-            return replace(step.error, value=times * step.error.value)
+            return replace(step.error, value=times_in(step.direction, shift) * step.error.value)
     return None
+
+
+def times_in(direction: Array, shift: Array) -> float:
+    """How many times a direction (M,) is in a shift (M,), by least squares.
+
+    >>> times_in(np.array([1.0, 1.0]), np.array([2.0, 4.0]))
+    3.0
+    """
+    return float(shift @ direction / (direction @ direction))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from models.diagnosis.evidence import Hypothesis, probability_of
 from models.diagnosis.leftover import IN_TIME
 from models.diagnosis.onset import Onset, is_onset
+from models.diagnosis.over_temperature import OverTemperature, over_temperature, temperature_steps
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.sensors import SensorError, sensor_error, sensor_steps
 from sim.operating_points import Points
@@ -42,8 +43,9 @@ class Unexplained:
 
     ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,), whose ``readings`` (n,) of the input power
     show it; ``size`` its length in sigmas of what the fit beside it leaves open, errors of its causes' laws included;
-    ``probability`` that of any leftover. ``sensor`` is what is off where it is a sensor's error, ``onset`` the cause
-    where it is one that is not there all the time.
+    ``probability`` that of any leftover. ``sensor`` is what is off where it is a sensor's error, ``over_temperature``
+    the property where it is one that goes by its part's temperature, ``onset`` the cause where it is one that is not
+    there all the time.
     """
 
     location: str
@@ -56,6 +58,7 @@ class Unexplained:
     size: float
     probability: float
     sensor: SensorError | None = None
+    over_temperature: OverTemperature | None = None
     onset: Onset | None = None
 
     @property
@@ -80,12 +83,12 @@ def unexplained(
     geometry, observations = refinery.geometry, refinery.observations
     pulled = refinery.solved(best.fit, best.leftover)
     at = observations.of("efficiency") & observations.loaded[observations.row]
-    shift = geometry.leftovers.of(best.leftover, pulled)
+    shift, location = geometry.leftovers.of(best.leftover, pulled), best.leftover.location
     readings = np.flatnonzero(at)
     rows, watts = observations.row[readings], shift[readings]
     formula, explained = shortest_formula(observations.points.take(rows), watts)
     return Unexplained(
-        location=_place(best.leftover.location, watts),
+        location=_place(location, watts),
         rms_W=float(np.sqrt(np.mean(watts**2))),
         formula=formula,
         explained=explained,
@@ -94,8 +97,9 @@ def unexplained(
         watts=watts,
         size=float(np.sqrt(shift @ refinery.solve(best.fit, shift[None])[0])),
         probability=probability,
-        onset=onset.read(shift) if onset is not None and is_onset(best.leftover.location) else None,
-        sensor=sensor_error(sensor_steps(observations, refinery.known), best.leftover.location, shift),
+        onset=onset.read(shift) if onset is not None and is_onset(location) else None,
+        sensor=sensor_error(sensor_steps(observations, refinery.known), location, shift),
+        over_temperature=over_temperature(temperature_steps(observations, refinery.known), location, shift),
     )
 
 

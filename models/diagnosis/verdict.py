@@ -32,9 +32,10 @@ _TIED_BELOW = 5.0  # sigmas of isolability under which a design does not tell tw
 _ABOVE_LEFTOVER, _THRESHOLD_ABOVE = 1.25, 3.0
 _OF_ITS_OWN = 0.75  # prior scales from which a threshold stands beside another cause
 _LIKELY = 0.5  # probability from which a leftover, or a threshold that is no cause, has to be reckoned with
-# sigmas of a leftover that the model's own shortcomings have on any bench; beside a cause, whose law misses a little
-# too, and of a gain that wanders in any room
+# sigmas of a leftover that the model's own shortcomings have on any bench; at most beside causes, whose laws miss a
+# little too, by some times what they are doubted by; and of a gain that wanders in any room
 _FAINT, _FAINT_BESIDE, _FAINT_GAIN = 5.0, 11.0, 11.0
+_LAWS_MISS = 2.0
 _POSSIBLE = 0.01  # probability from which what the design does not tell from a sure cause is stated beside it
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
@@ -109,6 +110,18 @@ def _is_faint(hypotheses: Sequence[Hypothesis], length: float) -> bool:
     return length < (_FAINT_GAIN if _place(hypotheses) == GAIN_IN_TIME else _FAINT)
 
 
+def _faint_beside(hypotheses: Sequence[Hypothesis], causes: Sequence[Cause], whitener: Whitener) -> float:
+    """How long a leftover may be that is but what any bench has, and what the laws of sure causes miss."""
+    if _place(hypotheses) == GAIN_IN_TIME:
+        return _FAINT_GAIN
+    doubts = [
+        c.term.signature.entry.law * math.sqrt(float(c.shift @ whitener.solve(c.shift)))
+        for c in causes
+        if c.probability >= SURE
+    ]
+    return min(_FAINT + _LAWS_MISS * math.hypot(*doubts), _FAINT_BESIDE)
+
+
 def _above(term: Term) -> float:
     """How many times the leftover's length a cause's significance must be for its name."""
     return _THRESHOLD_ABOVE if term.signature.entry.threshold else _ABOVE_LEFTOVER
@@ -150,14 +163,14 @@ def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     return [Cause(effect=name, fit=best[name], probability=min(total[name], 1.0)) for name in order]
 
 
-def _standing(cause: Cause, hypotheses: Sequence[Hypothesis], leftover: float) -> float:
+def _standing(cause: Cause, hypotheses: Sequence[Hypothesis], leftover: float, faint: float) -> float:
     """How many sigmas a cause stands out by beside a leftover of such a length: its distance from off.
 
-    Beside one that is more than its law may be wrong by, which would be said, another leftover may do what the cause
-    does: no more then than the root of twice the log odds against all that explains the readings without it.
+    Beside one that is not ``faint``, which would be said, another leftover may do what the cause does: no more then
+    than the root of twice the log odds against all that explains the readings without it.
     """
     without = probability_of(h for h in hypotheses if cause.effect not in h.fit.effects)
-    if leftover < _FAINT_BESIDE or without <= 0.0:
+    if leftover < faint or without <= 0.0:
         return cause.term.significance
     odds = max(_any_of(hypotheses, (cause.effect,)) / without, 1.0)
     return min(cause.term.significance, math.sqrt(2.0 * math.log(odds)))
@@ -215,9 +228,9 @@ def judge(
 
     ``leftover`` is the length in sigmas of what is left over, where anything is. Where that is probable a cause is
     stated beside it only if its value is further from off, well above: what nobody has thought of looks a little
-    like something, but for a sensor that is off. Beside a long one the readings must also call for it against any other
-    leftover. What is sure and shorter than that is no cause beside a stated one: it is not listed, and the leftover is
-    said.
+    like something, but for a sensor that is off. Beside a long one the
+    readings must also call for it against any other leftover. What is sure and shorter than that is no cause beside a
+    stated one: it is not listed, and the leftover is said.
 
     ``misfit`` is the mean square in sigmas that the most probable fit leaves without a leftover; far above one,
     nothing that was tried explains the data, and no cause is listed. Where readings that were taken for outliers
@@ -234,7 +247,8 @@ def judge(
     causes = marginal(hypotheses) if fits else []
     in_the_way = beside >= _LIKELY and not is_sensor(_place(hypotheses))
     least = max(leftover if in_the_way else 0.0, _caught(hypotheses))
-    standing = {c.effect: _standing(c, hypotheses, least) for c in causes}
+    at_most = _faint_beside(hypotheses, causes, whitener)
+    standing = {c.effect: _standing(c, hypotheses, least, at_most) for c in causes}
     large = [c for c in causes if nameable and standing[c.effect] >= least * _above(c.term)]
     excluded = ordinary < 1 - SURE
     groups = _groups(large, hypotheses, whitener, excluded=excluded)
@@ -253,7 +267,7 @@ def judge(
     if kind == "unknown":  # whatever stands in the way of a name
         beyond = probability_of(h for h in hypotheses if h.leftover is not None or _has_caught(h.fit))
     else:
-        beyond = 0.0 if faint or (groups and not below and leftover < _FAINT_BESIDE) else beside
+        beyond = 0.0 if faint or (groups and not below and leftover < at_most) else beside
     # beside a name, what is shorter than a leftover is a part of that
     listed = [c for c in causes if not groups or c not in below]
     said = {name for group in groups for name in group}

@@ -99,6 +99,8 @@ class Effect:
     ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. What rises
     with the square of frequency may flatten about the harmonic ``flattens_from``, one sigma; what is lost in the
     core of ``core_of``, inductor or transformer, depends on that core's temperature as well.
+    ``thermometer`` is the column that reads the part of which the effect changes a property, where that property may go
+    by the part's temperature and the simulation takes it as constant.
     ``together`` says that the headline's tolerance moves all parts at once, beside the spread of each; ``over_time``
     that it follows the time since the campaign began; ``inside_limits`` that the tolerance is the sigma of what is
     uniform inside a maker's limits.
@@ -115,6 +117,7 @@ class Effect:
     law: float = 0.02
     flattens_from: float = np.inf
     core_of: str = ""
+    thermometer: str = ""
     together: bool = False
     over_time: bool = False
     inside_limits: bool = False

@@ -225,6 +225,28 @@ def test_a_sensor_that_is_off_is_said_and_is_to_be_checked_first(page: Diagnosis
     assert "Cause named beside a sensor that is off" in beside
 
 
+def test_a_property_that_goes_by_temperature_is_said_and_is_to_be_measured_warm(
+    page: DiagnosisPage, tmp_path: Path
+) -> None:
+    change = {
+        "effect": "leakage_inductance", "parameter": "relative_error", "unit": "1", "column": "T_inductor_C",
+        "per_K": -0.00102, "check": "measure the series inductance",
+    }  # fmt: skip
+    place = "leakage_inductance over T_inductor_C"
+    unknown = {"probability": 0.999, "location": place, "rms_W": 0.1, "over_temperature": change}
+    warm = ANSWER | {"verdict": "unknown", "named": [], "causes": [], "unknown": unknown}
+    residuals = page.residuals.assign(leftover_W=0.1)
+    whole = written(replace(page, diagnosis=warm, residuals=residuals), tmp_path)
+    text = " ".join(whole.replace("\N{NO-BREAK SPACE}", " ").split())
+    assert "Leakage inductance goes by the temperature of the inductor winding: −1.02 % in 10 K" in text
+    assert "<li>Measure one set point soon after a cold start and again when all is warm" in text
+    assert "To be sure, measure the series inductance, cold and warm." in text
+    assert "Make sure first that the model" not in text
+    assert place not in text  # people do not read columns
+    beside = written(replace(page, diagnosis=ANSWER | {"unknown": unknown}), tmp_path)
+    assert "Cause named beside a property that goes by temperature" in beside
+
+
 def test_a_cause_that_sets_in_is_said_with_its_moment(page: DiagnosisPage, tmp_path: Path) -> None:
     resistance = {"name": "resistance_Ohm", "unit": "Ohm", "value": 0.0606, "off": 0.0}
     onset = {

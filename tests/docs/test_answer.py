@@ -31,6 +31,7 @@ from models.diagnosis.conditions import Condition
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.diagnosis.observations import CHANNELS
 from models.diagnosis.onset import Onset
+from models.diagnosis.over_temperature import OverTemperature
 from models.diagnosis.race import NextMeasurement
 from models.diagnosis.sensors import SensorError
 from models.diagnosis.stretches import Stretch
@@ -213,7 +214,14 @@ def answers(folder: Path, full: Diagnosis) -> tuple[Plain, ...]:
         Stretch(name="after", measurements=measured, found=None, refused="7 usable rows"),
     ]
     whole = answer_of(changed, measured, None, "model.toml", apart)
-    return by_command, full.as_plain("model.toml"), whole, sensor
+    property_ = OverTemperature(
+        effect="leakage_inductance", parameter="relative_error", unit="1", column="T_inductor_C", per_K=-1e-3,
+        check="measure the series inductance",
+    )  # fmt: skip
+    warm = replace(
+        full, unexplained=replace(full.unexplained, sensor=None, over_temperature=property_)
+    ).as_plain("model.toml")
+    return by_command, full.as_plain("model.toml"), whole, sensor, warm
 
 
 def test_every_key_of_the_answer_is_on_the_page_and_no_other(answers: tuple[Plain, ...]) -> None:

@@ -67,7 +67,15 @@ def test_a_leftover_beside_a_name_is_said() -> None:
     named = Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0)
     verdict = judge([named], WHITENER, leftover=15.0)
     assert (verdict.kind, verdict.unknown_probability) == ("named", 1.0)
-    assert judge([named], WHITENER, leftover=9.0).unknown_probability == 0.0  # the model's own shortcomings
+    assert judge([named], WHITENER, leftover=7.0).unknown_probability == 0.0  # the model's own shortcomings
+
+
+@pytest.mark.parametrize(("effect", "said_from"), [("link_resistance", 7.4), ("skin_effect", 11.0)])
+def test_how_long_a_leftover_is_a_causes_own_goes_by_its_law(effect: str, said_from: float) -> None:
+    fit = joint_fit({effect: ALONG}, ALONG, value=3.0)  # 60 sigmas of readings: of 2 % of them 1.2, of 15 % 9
+    named = Hypothesis(fit=fit, leftover=_leftover(1.5), probability=1.0)
+    for leftover, said in ((said_from - 0.1, 0.0), (said_from + 0.1, 1.0)):
+        assert judge([named], WHITENER, leftover=leftover).unknown_probability == said
 
 
 def test_what_only_laws_that_are_off_explain_is_listed_and_not_stated() -> None:
