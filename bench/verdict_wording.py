@@ -241,10 +241,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
         )
     if unknown.get("probability", 0.0) < 0.01:
         return ""
-    if sensor := sensor_text(diagnosis):
-        return f"{probability_text(unknown['probability'])} probable that {sensor}"
-    if change := over_temperature_text(diagnosis):
-        return f"{probability_text(unknown['probability'])} probable that {change}"
+    if told := sensor_text(diagnosis) or over_temperature_text(diagnosis):
+        return f"{probability_text(unknown['probability'])} probable that {told}"
     if onset := onset_text(diagnosis):
         return (
             f"{probability_text(unknown['probability'])} probable that something changed on the way: {onset}"
