@@ -119,7 +119,7 @@ def _question_over_temperature(diagnosis: Mapping[str, Any]) -> str:
     part = f"{channel_name(change['column'])} ({change['column']})"
     return (
         "Measure one set point soon after a cold start and again when all is warm: if "
-        f"{effect_name(change['effect'])} goes by the temperature of the {part}, the two differ. To be sure, "
+        f"{effect_name(change['effect'])} goes by the temperature of the {part}, the two differ. If they do, "
         f"{change['check']}, cold and warm."
     )
 

@@ -51,7 +51,7 @@ IN_TIME, GAIN_IN_TIME = "over time", "gain over time"
 _LENGTH_OF_HEAT, _LENGTH_OF_POWER = 0.3, 0.08  # of the range of the one quantity that a loss goes by
 
 
-class Step(Protocol):
+class SingleDirection(Protocol):
     """What moves readings in one ``direction`` (M,), of a size that stands for others."""
 
     @property
@@ -137,7 +137,7 @@ def trends(place: Array) -> Array:
 
 
 def leftovers(
-    observations: Observations, per_watt: Array, power: float = 1.0, steps: Iterable[Step] = ()
+    observations: Observations, per_watt: Array, power: float = 1.0, steps: Iterable[SingleDirection] = ()
 ) -> Leftovers:
     """All configurations for some readings; ``per_watt`` (M,) is what one watt lost at the output moves.
 

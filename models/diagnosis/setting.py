@@ -14,7 +14,7 @@ from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.law_errors import law_errors
-from models.diagnosis.leftover import Leftovers, Step, leftovers
+from models.diagnosis.leftover import Leftovers, SingleDirection, leftovers
 from models.diagnosis.noise import (
     ChannelNoise,
     corrected,
@@ -81,7 +81,10 @@ class Setting:
 
 def leftovers_of(observations: Observations, baseline: Model, known: Signatures) -> Leftovers:
     """All that may be left over: none of it asks how far heat lags behind, or conditions are doubted."""
-    steps: list[Step] = [*sensor_steps(observations, known), *temperature_steps(observations, known)]
+    steps: list[SingleDirection] = [
+        *sensor_steps(observations, known),
+        *temperature_steps(observations, known),
+    ]
     return leftovers(observations, known.per_watt, size("power", baseline.converter), steps)
 
 

@@ -240,7 +240,7 @@ def test_a_property_that_goes_by_temperature_is_said_and_is_to_be_measured_warm(
     text = " ".join(whole.replace("\N{NO-BREAK SPACE}", " ").split())
     assert "Leakage inductance goes by the temperature of the inductor winding: −1.02 % in 10 K" in text
     assert "<li>Measure one set point soon after a cold start and again when all is warm" in text
-    assert "To be sure, measure the series inductance, cold and warm." in text
+    assert "If they do, measure the series inductance, cold and warm." in text
     assert "Make sure first that the model" not in text
     assert place not in text  # people do not read columns
     beside = written(replace(page, diagnosis=ANSWER | {"unknown": unknown}), tmp_path)

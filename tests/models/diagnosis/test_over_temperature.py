@@ -61,7 +61,7 @@ def test_an_inductance_that_goes_by_temperature_is_not_called_saturated(per_K: f
     assert (change.effect, change.parameter, change.column) == (
         "leakage_inductance", "relative_error", "T_inductor_C",
     )  # fmt: skip
-    # the lab's own choke bends, and its thermometer has an error: a tenth of it each
+    # it comes out 6 % too large or too small: the lab's own choke bends with current, the thermometer's error tilts it
     assert change.per_K == pytest.approx(per_K, rel=0.2)
 
 
