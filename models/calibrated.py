@@ -185,7 +185,7 @@ class CalibratedPhysics:
     def _now(self, place: Array, found: Result) -> Array:
         """Points (K, 3) with the time, the loss, and what the laws there may be wrong by."""
         time_s, loss_W = np.full(len(place), self.time_s), found["P1_W"] - place[:, 2]
-        return np.column_stack([place, time_s, loss_W, law_doubts(found, self.model.converter)])
+        return np.column_stack([place, time_s, loss_W, law_doubts(found, self.model)])
 
     def _points(self, place: Array) -> Points:
         D1, D2, power_W = place.T

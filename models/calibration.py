@@ -104,7 +104,7 @@ class _Simulated:
 
     def doubts(self) -> Array:
         """What its laws may be wrong by at each of them, (N, COLUMNS)."""
-        return np.concatenate([law_doubts(result, self.model.converter) for _, result in self.parts])
+        return np.concatenate([law_doubts(result, self.model) for _, result in self.parts])
 
 
 def _simulated(

@@ -10,6 +10,10 @@ much, they are off alike,
 over the edges of one bridge, with a the sigma of that loss and m the share that an edge misses. An edge that is soft
 is known, and so is one that is hard all the way: towards either end a goes to nothing. A doubt that ended in a step
 would let the leftover lower the loss just before it, and an optimum would be found along that step where there is none.
+
+What the eddy currents of a cause lose flattens about some harmonic, of which each place has its own share: one error
+all over the map, and a little another one elsewhere. Pulses as wide as they go have most of those harmonics, and look
+worse than they are where windings lose much more than they are modelled to.
 """
 
 from itertools import product
@@ -18,33 +22,56 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.inaccuracy import BRIDGES, loss_sigmas_W
+from sim.effects.catalogue import effect
+from sim.harmonics import eddy_share
+from sim.model import Model
 from sim.modulation import EDGES
-from sim.parameters import Converter
 from sim.simulate import Result
 
 Array = NDArray[np.float64]
 
 _LEFT = 0.5  # Assumption: of a law's doubt, what is left once the spreads of its own constants are fitted
+_HARMONIC = effect("skin_effect").flattens_from  # one sigma of it
+_ELSEWHERE = 0.7  # Assumption: of that, by how much it is another one elsewhere on the map
 _SHARE = 0.2  # of a swing: over what the loss of a cut-short edge is smooth
-_REST = 3  # the first column of what closing on the rest may be off by
+_FLATTENS = 3  # the column of what eddy currents lose less at high harmonics
+_REST = 4  # the first column of what closing on the rest may be off by
 _MISSING = _REST + len(EDGES)  # and of the shares
 COLUMNS = _MISSING + len(EDGES)
 _OF_BRIDGE = [[k for k, edge in enumerate(EDGES) if edge.startswith(bridge)] for bridge in BRIDGES]
 
 
-def law_doubts(result: Result, converter: Converter) -> Array:
-    """At N points, (N, COLUMNS): W by smooth laws, laws of edges, small currents, the rest by edge; shares missing.
+def law_doubts(result: Result, model: Model) -> Array:
+    """At N points, (N, COLUMNS): W by smooth laws, laws of edges, small and eddy currents, the rest by edge; then the
+    shares of swings that are missing.
 
-    ``converter`` is the one that was simulated.
+    ``model`` is the one that was simulated.
     """
-    smooth_W, edges_W, small_W, rest_W = loss_sigmas_W(result, converter)
+    smooth_W, edges_W, small_W, rest_W = loss_sigmas_W(result, model.converter)
     missing = np.stack([result[f"missing_{edge}"] for edge in EDGES])
     halfway = 4 * missing * (1 - missing)  # 1 there, 0 where an edge is soft or hard all the way
     small_W = small_W * [np.max(halfway[edges], axis=0) for edges in _OF_BRIDGE]
     # what closing on the rest costs goes to nothing itself where little is missing
     rest_W = rest_W * 2 * (1 - missing)
-    known = [_LEFT * smooth_W, _LEFT * edges_W, np.linalg.norm(small_W, axis=0), *rest_W, *missing]
+    small_W = np.linalg.norm(small_W, axis=0)
+    known = [_LEFT * smooth_W, _LEFT * edges_W, small_W, _flattens_W(result, model), *rest_W, *missing]
     return np.asarray(np.nan_to_num(np.stack(known, axis=1)))
+
+
+def _flattens_W(result: Result, model: Model) -> Array:
+    """What a model's effects add to eddy currents, as far as it is less where their resistance flattens, (N,)."""
+    plain, altered = model.converter, model.altered_converter()
+    square_A2 = np.asarray(result["I_L_rms_A"]) ** 2
+    added_W = np.zeros_like(square_A2)
+    for part in ("inductor", "transformer"):
+        own, winding = getattr(plain, part).winding, getattr(altered, part).winding
+        if winding.ac_extra != own.ac_extra:
+            eddy_W = result[f"loss_{part}_copper_W"] - winding.at(result[f"T_{part}_C"]) * square_A2
+            added_W += eddy_W * (1.0 - own.ac_extra / winding.ac_extra)
+    if not np.any(added_W):
+        return added_W
+    at = result.points.with_voltages_of(plain)
+    return np.asarray(added_W * (1.0 - eddy_share(altered, at, np.asarray(result["D0"]), _HARMONIC)))
 
 
 def law_covariance(a: Array, b: Array, alike: tuple[Array, Array], doubt: float = 1.0) -> Array:
@@ -55,6 +82,7 @@ def law_covariance(a: Array, b: Array, alike: tuple[Array, Array], doubt: float 
     smooth, at_edges = alike
     found = doubt**2 * (np.outer(a[:, 0], b[:, 0]) * smooth + np.outer(a[:, 1], b[:, 1]) * at_edges)
     found = found + np.outer(a[:, 2], b[:, 2]) * at_edges
+    found = found + np.outer(a[:, _FLATTENS], b[:, _FLATTENS]) * (1 + _ELSEWHERE**2 * smooth)
     for edges in _OF_BRIDGE:
         for one, other in product(edges, edges):
             apart = a[:, _MISSING + one, None] - b[:, _MISSING + other]

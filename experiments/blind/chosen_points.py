@@ -17,7 +17,7 @@ from models.rival_hills import RivalHills
 
 Array = NDArray[np.float64]
 
-_SHARE, _MOST = 0.4, 64  # of the points are chosen
+_SHARE, _MOST = 0.4, 128  # of the points are chosen
 _ROUNDS = 7
 DESIGN = 29
 _ANOTHER = 1_000_000  # between the seeds of the noise of one round and the next

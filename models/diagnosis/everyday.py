@@ -15,6 +15,7 @@ it, with the part's spread as prior.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +35,10 @@ _LEAST_TOLD = 1e-9  # of the prior's precision, by the readings, against roundin
 _HALVINGS = 60  # of a bracket: to a double's own accuracy
 
 
-def everyday_together(terms: Sequence[Term], whitener: Whitener) -> bool:
+def everyday_together(fit: Fit, whitener: Whitener) -> bool:
     """Whether the values of a hypothesis may be those of an ordinary bench; ``whitener`` is that of the readings."""
-    if any(term.beyond_everyday for term in terms):
+    terms = fit.terms
+    if any(fit.has_beyond_everyday(term) for term in terms):
         return False
     acting, sigma, usual = np.array([term.acting for term in terms]).reshape(-1, 3).T
     if len(terms) < 2 or not np.all(usual * sigma > 0.0):
@@ -101,15 +103,39 @@ def log_as_part(term: Term) -> float:
     acting, sigma, usual = term.acting
     if abs(acting) > EVERYDAY * usual + SURELY * min(sigma, usual):
         return -math.inf
-    slope, prior2 = sigma / term.sigma, term.head.prior**2
-    alone2 = 1.0 / max(term.sigma**-2 - 1.0 / prior2, _LEAST_TOLD / prior2)
+    slope, prior2, alone2 = sigma / term.sigma, term.head.prior**2, _told_alone(term)
     back = term.distance * alone2 / prior2  # how far the prior has drawn the value to off
-    as_part = _log_normal(acting + slope * back, slope**2 * alone2 + usual**2) + math.log(slope)
+    as_spread = _log_normal(acting + slope * back, slope**2 * alone2 + usual**2) + math.log(slope)
     as_cause = _log_normal(term.distance + back, alone2 + prior2)
-    share = usual**2 / (slope**2 * alone2 + usual**2)
-    line, at = EVERYDAY * usual, share * (acting + slope * back)
+    line, at, share = EVERYDAY * usual, *_as_spread(term)
     within = log_inside((-line, line), at, slope * math.sqrt(share * alone2))
-    return as_part - as_cause + float(within)
+    return as_spread - as_cause + float(within)
+
+
+def as_part(term: Term) -> Term:
+    """A value as that of a part, where that has it: the spread of ordinary parts is its prior.
+
+    A spread is normal in what acts.
+    """
+    head, entry, (*_, usual) = term.head, term.signature.entry, term.acting
+    value = head.value_of(_as_spread(term)[0])
+    spread = replace(head, prior=usual / head.acting(value)[1])
+    signature = replace(term.signature, entry=replace(entry, parameters=(spread, *entry.parameters[1:])))
+    return replace(term, signature=signature, value=value)
+
+
+def _told_alone(term: Term) -> float:
+    """The variance of a value by the readings alone, without its prior."""
+    prior2 = term.head.prior**2
+    return 1.0 / max(term.sigma**-2 - 1.0 / prior2, _LEAST_TOLD / prior2)
+
+
+def _as_spread(term: Term) -> tuple[float, float]:
+    """Where what acts is as a part's spread, and the share of its distance, as the readings have it, that this is."""
+    acting, sigma, usual = term.acting
+    slope, alone2 = sigma / term.sigma, _told_alone(term)
+    share = usual**2 / (slope**2 * alone2 + usual**2)
+    return share * (acting + slope * term.distance * alone2 / term.head.prior**2), share
 
 
 def _log_normal(x: float, variance: float) -> float:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.everyday import log_as_part, log_everyday, share_beyond
+from models.diagnosis.everyday import as_part, log_as_part, log_everyday, share_beyond
 from models.diagnosis.hypotheses import Fit, Term, WeighedBeside, evidence_of, weigh
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 P_LEFTOVER = 0.2
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
+_LEADS = 0.5  # probability of a hypothesis from which nothing is decided by how much more it has
+_MOST = 700.0  # exponent, against overflow
 _WORTH_A_LOOK = 1e-6  # probability from which it is asked whether its causes are parts by another name
 _NARROWER = 0.3  # of what causes' own laws are feared to be wrong by, where readings show that they are as good as that
 _WORSE = 1.5  # times the standard deviation, of a value or of what is left: slopes that were not simulated
@@ -146,11 +148,13 @@ def _beyond_everyday(
     """Each hypothesis with that share of its probability in which all its causes are beyond the everyday line.
 
     The rest is evidence for the hypothesis without that cause, and replaces that one's probability where it is larger:
-    the search then missed that state of the parts. The other causes take their values from here, unless these are much
-    vaguer or leave much more of the readings: beside a threshold, a part that carries a row across it has no slope.
+    the search then missed that state of the parts. Where that decides, it is simulated as a part first. The other
+    causes take their values from here, unless these are much vaguer or leave much more of the readings: beside a
+    threshold, a part that carries a row across it has no slope.
     ``searched`` are the fits as the search left them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
+    total = sum(h.probability for h in hypotheses)
     before = {fit.key: fit for fit in searched}
     for k, h in enumerate(hypotheses):
         places.setdefault(_name(h.fit.effects, h.leftover), k)
@@ -163,28 +167,33 @@ def _beyond_everyday(
             if fewer is not None:
                 prior = refinery.log_prior(others) - refinery.log_prior(fit)
                 one_of = math.log(len(term.signature.entry.variants()))
-                as_part = whole * math.exp(prior - one_of + log_as_part(term))
-                if as_part > found[fewer].probability and found[k].leftover is None:
-                    as_part *= math.exp(_log_nearer(refinery, before[hypotheses[k].fit.key], term))
-                if as_part > found[fewer].probability:
+                likely = whole * math.exp(prior - one_of + log_as_part(term))
+                matters = found[k].leftover is None and found[fewer].probability < _LEADS * total
+                if matters and likely > max(found[fewer].probability, _WORTH_IT * total):
+                    simulated = before[hypotheses[k].fit.key]
+                    gained = _log_gained_as_part(refinery, simulated, term, hypotheses[fewer].fit)
+                    likely = hypotheses[fewer].probability * math.exp(min(gained - one_of, _MOST))
+                if likely > found[fewer].probability:
                     own = found[fewer].fit
                     worse = _is_vaguer(others, own) or _leaves_more(refinery, others, own)
                     there = own if worse else replace(others, log_evidence=own.log_evidence)
-                    found[fewer] = replace(found[fewer], fit=there, probability=as_part)
+                    found[fewer] = replace(found[fewer], fit=there, probability=likely)
         found[k] = replace(found[k], probability=beyond)
     return found
 
 
-def _log_nearer(refinery: Refinery, fit: Fit, term: Term) -> float:
-    """Log evidence that a fit of the search loses by its last step in one cause's value; 0 if that is no nearer to off.
+def _log_gained_as_part(refinery: Refinery, fit: Fit, term: Term, fewer: Fit) -> float:
+    """Log evidence that a hypothesis gains where a part, simulated as a cause of ``fit``, is simulated as a part.
 
-    Nearer to off the cause's law is doubted less: what only that doubt explained is left over again.
+    Its value has the spread of ordinary parts for its prior then, and its law is as good as that of any part: what only
+    the doubt about a cause's law explained is left over again. It starts from where the readings have it as a part.
     """
-    was = fit.term(term.effect)
-    if abs(term.distance) >= abs(was.distance):
-        return 0.0
-    step = np.array([term.value - was.value if t is was else 0.0 for t in fit.terms])
-    return min(refinery.weighed(fit.moved(step)).log_evidence - fit.log_evidence, 0.0)
+    part = as_part(term)
+    terms = tuple(replace(t, signature=part.signature) if t.effect == term.effect else t for t in fit.terms)
+    step = np.array([part.value - t.value if t.effect == term.effect else 0.0 for t in terms])
+    exact = replace(refinery, laws=refinery.laws.without(term.signature))
+    (found,) = exact.followed(exact.simulated([replace(fit, terms=terms).moved(step)]))
+    return float(exact.weighed(found).log_evidence - fewer.log_evidence)
 
 
 def _is_vaguer(fit: Fit, than: Fit) -> bool:

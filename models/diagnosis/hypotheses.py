@@ -157,6 +157,17 @@ class Fit:
         """The effects, each with the values of its other parameters: what tells variants apart."""
         return tuple(t.signature.key for t in self.terms)
 
+    def has_beyond_everyday(self, term: Term) -> bool:
+        """Whether one of its causes is further off than any ordinary bench has it.
+
+        A cause alone that is uncertain by more than parts scatter is so as if it were uncertain by that: what readings
+        see badly needs evidence against nothing, in whose covariance its parts' spreads are, and is no part where it
+        has that. Beside another cause it may be uncertain for that one's sake.
+        """
+        acting, _, usual = term.acting
+        far = abs(acting) > (EVERYDAY + SURELY) * usual
+        return term.beyond_everyday or (len(self.terms) == 1 and far)
+
     def term(self, effect: str) -> Term:
         """The term of an effect."""
         return next(t for t in self.terms if t.effect == effect)

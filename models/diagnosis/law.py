@@ -14,7 +14,7 @@ uncertain, with what g's shapes do to the value included. What a formula is know
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -127,6 +127,10 @@ class Laws:
     def in_geometry(self, geometry: Geometry) -> Self:
         """The same laws, as feared, seen from another geometry."""
         return type(self)(columns=self.columns, geometry=geometry)
+
+    def without(self, signature: Signature) -> Self:
+        """The same with one effect's law exact."""
+        return replace(self, columns={key: own for key, own in self.columns.items() if key != signature.key})
 
     def directions(self, signature: Signature, distance: float) -> Directions | None:
         """The columns for a value at this distance from off; None for an exact law."""

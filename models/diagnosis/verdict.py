@@ -97,7 +97,7 @@ def isolability(a: Array, b: Array, whitener: Whitener) -> float:
 
 def _is_ordinary(hypothesis: Hypothesis, faint: bool, whitener: Whitener) -> bool:
     """Whether it holds nothing that an ordinary bench has not; a ``faint`` leftover is that."""
-    return (faint or hypothesis.leftover is None) and everyday_together(hypothesis.fit.terms, whitener)
+    return (faint or hypothesis.leftover is None) and everyday_together(hypothesis.fit, whitener)
 
 
 def _place(hypotheses: Sequence[Hypothesis]) -> str:
@@ -156,7 +156,7 @@ def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     total: dict[str, float] = {}
     for h in hypotheses:
         for term in h.fit.terms:
-            if term.beyond_everyday and not _catches(term, h.fit):
+            if h.fit.has_beyond_everyday(term) and not _catches(term, h.fit):
                 best.setdefault(term.effect, h.fit)
                 total[term.effect] = total.get(term.effect, 0.0) + h.probability
     order = sorted(total, key=lambda name: -total[name])

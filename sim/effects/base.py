@@ -83,11 +83,20 @@ class EffectParameter:
         >>> head.inside(0.005)
         (0.006666666666666667, 0.02)
         """
-        low, high = self.off - acting, self.off + acting
-        if self.reciprocal:
-            low = self.off / (1.0 + acting / self.off)
-            high = self.off / (1.0 - acting / self.off) if acting < self.off else np.inf
-        return max(low, self.lower), min(high, self.upper)
+        return max(self.value_of(-acting), self.lower), min(self.value_of(acting), self.upper)
+
+    def value_of(self, acting: float) -> float:
+        """The value that acts so far from off, in the unit at off, whatever its bounds.
+
+        >>> head = EffectParameter(
+        ...     name="L_H", unit="H", lower=6e-3, upper=1.0, tolerance=1e-3, prior=6e-3, off=0.01, reciprocal=True
+        ... )
+        >>> head.value_of(0.005)
+        0.02
+        """
+        if not self.reciprocal:
+            return self.off + acting
+        return self.off / (1.0 - acting / self.off) if acting < self.off else np.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

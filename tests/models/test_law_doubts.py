@@ -7,11 +7,12 @@ import pytest
 
 from models.calibrated import PLAIN, Leftover
 from models.law_doubts import COLUMNS, law_covariance, law_doubts
+from sim.harmonics import eddy_share
 from sim.model import Model
 from sim.prototype import prototype
 from sim.simulate import Points, simulate
 
-FIRST_REST, FIRST_MISSING = 3, 7  # of both, the primary's edges come first
+FLATTENS, FIRST_REST, FIRST_MISSING = 3, 4, 8  # of both, the primary's edges come first
 FAR = (np.zeros((2, 2)), np.zeros((2, 2)))  # points that have nothing in common on the map
 
 
@@ -37,7 +38,7 @@ def test_edges_of_a_bridge_have_one_curve_and_add_up() -> None:
 
 def test_a_swing_that_is_whole_or_not_there_is_as_sure_as_the_laws() -> None:
     light = Points(D1=np.linspace(0.3, 1.0, 8), D2=0.1, power_W=200.0)
-    doubts = law_doubts(simulate(Model.baseline(), light), prototype())
+    doubts = law_doubts(simulate(Model.baseline(), light), Model.baseline())
     rest_W, missing = doubts[:, FIRST_REST:FIRST_MISSING], doubts[:, FIRST_MISSING:]
     assert np.any(rest_W > 0.0)
     assert not np.any(rest_W[(missing < 0.01) | (missing > 0.99)])
@@ -45,11 +46,39 @@ def test_a_swing_that_is_whole_or_not_there_is_as_sure_as_the_laws() -> None:
 
 def test_doubts_have_no_steps_where_a_swing_begins_to_be_cut_and_where_nothing_of_it_is_left() -> None:
     across = Points(D1=np.linspace(0.6, 0.9, 401), D2=0.2, power_W=400.0)  # two edges go from soft to hard
-    doubts = law_doubts(simulate(Model.baseline(), across), prototype())
+    doubts = law_doubts(simulate(Model.baseline(), across), Model.baseline())
     missing = doubts[:, FIRST_MISSING:]
     assert {0, 2} == set(np.flatnonzero((missing.min(axis=0) < 0.01) & (missing.max(axis=0) > 0.99)))
     # 0.03 W is an eighth of what closing on all of a swing is doubted by, and from point to point a tenth is missed
     assert np.max(np.abs(np.diff(doubts[:, :FIRST_MISSING], axis=0))) < 0.03
+
+
+def test_added_eddy_currents_are_doubted_by_what_they_lose_beyond_the_harmonic_where_they_flatten() -> None:
+    """By two simulations, of windings with what an effect adds and without; what is modelled has no such doubt."""
+    places = Points(
+        D1=np.array([1.0, 0.98, 0.9, 0.6]), D2=0.05, power_W=np.array([1800.0, 1800.0, 900.0, 400.0])
+    )
+    plain = Model.baseline()
+    lossy = plain.with_effect("skin_effect", extra_at_fs=0.1)
+    with_, without = (simulate(model, places) for model in (lossy, plain))
+    added_W = sum(
+        with_[f"loss_{part}_copper_W"] - without[f"loss_{part}_copper_W"]
+        for part in ("inductor", "transformer")
+    )
+    share = eddy_share(prototype(), places.with_voltages_of(prototype()), with_["D0"], 15.0)
+    found = law_doubts(with_, lossy)[:, FLATTENS]
+    # what they add warms the windings, which lose up to a tenth of it more by their dc resistance
+    np.testing.assert_allclose(found, added_W * (1.0 - share), rtol=0.12)
+    assert found[0] > 1.2 * found[1]  # where pulses are as wide as they go
+    assert not np.any(law_doubts(without, plain)[:, FLATTENS])
+
+
+def test_eddy_currents_are_off_alike_everywhere_and_a_little_otherwise_elsewhere() -> None:
+    doubts = np.zeros((2, COLUMNS))
+    doubts[:, FLATTENS] = 0.2, 0.4
+    for alike, expected in ((1.0, 1.49), (0.0, 1.0)):
+        found = law_covariance(doubts, doubts, (np.full((2, 2), alike), np.zeros((2, 2))), doubt=0.1)
+        assert found[0, 1] == pytest.approx(0.08 * expected)
 
 
 def test_smooth_laws_are_doubted_by_a_share() -> None:
@@ -61,7 +90,7 @@ def test_smooth_laws_are_doubted_by_a_share() -> None:
 
 def test_a_loss_that_grows_is_doubted_more() -> None:
     found = simulate(Model.baseline(), Points(D1=np.full(2, 0.9), D2=0.1, power_W=np.array([400.0, 1800.0])))
-    light, heavy = law_doubts(found, prototype())
+    light, heavy = law_doubts(found, Model.baseline())
     assert 0.0 < light[0] < heavy[0] < 0.05 * 60.0  # W: five per cent of what is lost there, at most
 
 

@@ -36,20 +36,24 @@ def cables(usual: float, *, sigma: float, slopes: tuple[np.ndarray, np.ndarray])
     return [term(name, usual, sigma=sigma, slope=slope) for name, slope in zip(names, slopes, strict=True)]
 
 
+def together(terms: list[Term]) -> bool:
+    return everyday_together(Fit(terms=tuple(terms), shift=np.zeros(3)), QUIET)
+
+
 def test_two_halves_of_one_distance_are_not_ordinary() -> None:
     """The readings tell their sum, 14 sigmas, and nothing of their difference."""
     tied = (SAME, SAME + 1e-4 * ANOTHER)
     halves = cables(7.0, sigma=4.0, slopes=tied)
     assert not any(half.beyond_everyday for half in halves)
-    assert not everyday_together(halves, QUIET)
-    assert everyday_together(cables(3.4, sigma=4.0, slopes=tied), QUIET)  # 6.8 in sum, 4.8 as a length
+    assert not together(halves)
+    assert together(cables(3.4, sigma=4.0, slopes=tied))  # 6.8 in sum, 4.8 as a length
 
 
 def test_two_values_of_which_the_readings_tell_each_are_ordinary_within_the_line() -> None:
     apart = (SAME, ANOTHER)
-    assert everyday_together(cables(3.4, sigma=0.01, slopes=apart), QUIET)
-    assert not everyday_together(cables(4.0, sigma=0.01, slopes=apart), QUIET)
-    assert everyday_together(cables(4.0, sigma=1.0, slopes=apart), QUIET)  # 0.66 beyond, known to 1
+    assert together(cables(3.4, sigma=0.01, slopes=apart))
+    assert not together(cables(4.0, sigma=0.01, slopes=apart))
+    assert together(cables(4.0, sigma=1.0, slopes=apart))  # 0.66 beyond, known to 1
 
 
 def test_a_part_that_has_to_be_further_off_than_any_is_said_with_its_sigmas() -> None:
@@ -60,14 +64,23 @@ def test_a_part_that_has_to_be_further_off_than_any_is_said_with_its_sigmas() ->
         assert parts_beyond(bench, Fit.nothing(3)) == pytest.approx(said, rel=1e-5)
 
 
+def test_a_cause_alone_that_is_badly_seen_is_beyond_the_line_as_parts_scatter() -> None:
+    """Whether it is there at all is for its probability; beside another it may be uncertain for that one's sake."""
+    near, far = (cables(usual, sigma=3.0, slopes=(SAME, ANOTHER)) for usual in (5.7, 5.8))  # of 4.1 and 1.64
+    assert together(near[:1])
+    assert not together(far[:1])
+    assert not far[0].beyond_everyday
+    assert together([far[0], cables(0.1, sigma=0.1, slopes=(SAME, ANOTHER))[1]])
+
+
 def test_what_is_beyond_alone_is_beyond_together() -> None:
     far, near = (
         cables(6.0, sigma=0.1, slopes=(SAME, ANOTHER))[0],
         cables(0.1, sigma=0.1, slopes=(SAME, ANOTHER))[1],
     )
-    assert not everyday_together([far, near], QUIET)
-    assert everyday_together([near], QUIET)
-    assert everyday_together([], QUIET)
+    assert not together([far, near])
+    assert together([near])
+    assert together([])
 
 
 @pytest.mark.parametrize("correlation", [-0.95, -0.3, 0.0, 0.8])
