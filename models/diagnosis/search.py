@@ -36,7 +36,7 @@ _FAR_BEHIND = 200.0  # in log evidence on its line: how far that errs so far out
 _FAR_BEHIND_EACH = 0.25  # of each reading: the more there are, the further a line that bends falls behind
 _SHORT_OF = 0.5  # in log evidence: how far a simulation falls short of its line where that bends
 _FAR = (-0.4, 0.4)  # of the prior scale: where to start again where the line led to a place worse than off
-_PART_WAY = (0.5, 0.75)  # where to start again where the line would lead and what is there is far behind
+_PART_WAY = (0.3, 0.5, 0.75)  # where to start again where the line would lead and what is there is far behind
 _REACH = 3.0  # prior scales that a line is trusted over
 _TOO_NEAR = 0.1  # prior scales from off: so short a way teaches no bend
 
@@ -112,9 +112,13 @@ def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list
         for start in _moved_to(line, [t.head.off + far * t.head.prior for t in line.terms for far in _FAR])
     ]
     starts = _not_far_behind(refinery, starts, nothing.log_evidence)
-    starts += _part_way(lines, curves, nothing.log_evidence, straight)
+    lost = _part_way(lines, curves, nothing.log_evidence, straight)
     sigmas = [w.sigma for w in refinery.weighed_all(lines)]
     tried = [*map(_tangent, lines, curves, sigmas), *scans, *(refinery.simulated(starts) if starts else [])]
+    # each to its own end: where they begin, none tells which leads furthest
+    tried += [
+        end for begun in (refinery.simulated(lost) if lost else []) for end in refinery.followed([begun])
+    ]
     once = _best([*tried, *_about(refinery, nothing, known)])
     leader = max(nothing.log_evidence, once[0].log_evidence)
     near = [fit for fit in once if fit.log_evidence > hopeless(leader)]

@@ -34,12 +34,20 @@ def test_what_is_far_from_a_line_is_tried_though_that_falls_behind() -> None:
     assert diagnose(load_measurements(measured(trial))).verdict.stated == ("magnetizing_inductance",)
 
 
-def test_where_a_line_overshoots_to_a_place_that_no_step_leads_back_from_it_starts_again_on_the_way() -> None:
-    """Its line promises 46 more than nothing at 0.101, is 40 behind it there, and the simulator 80 ahead at 0.072."""
-    hidden = (("leakage_inductance", 0.07932836526948904),)
-    trial = BlindTrial(
-        row="efficiency_only", seed=3470002, hidden=hidden, efficiency_only=True, design=3495002
-    )
+@pytest.mark.parametrize(
+    ("value", "seed", "design"),
+    [
+        # its line promises 46 more than nothing at 0.101, is 40 behind it there, and the simulator 80 ahead at 0.072
+        (0.07932836526948904, 3470002, 3495002),
+        # the simulator is 107 ahead of nothing at 0.078, and led there from 0.025, where it is 248 behind
+        (0.06420413570161683, 3770191, 3795005),
+    ],
+)
+def test_where_a_line_overshoots_to_a_place_that_no_step_leads_back_from_it_starts_again_on_the_way(
+    value: float, seed: int, design: int
+) -> None:
+    hidden = (("leakage_inductance", value),)
+    trial = BlindTrial(row="efficiency_only", seed=seed, hidden=hidden, efficiency_only=True, design=design)
     found = diagnose(load_measurements(efficiency_table(measured(trial))))
     assert found.verdict.stated == ("leakage_inductance",)
 
