@@ -19,7 +19,7 @@ P_LEFTOVER = 0.2
 NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
 _LEADS = 0.5  # probability of a hypothesis from which nothing is decided by how much more it has
-_MOST = 700.0  # exponent, against overflow
+_LARGEST = 700.0  # exponent, against overflow
 _WORTH_A_LOOK = 1e-6  # probability from which it is asked whether its causes are parts by another name
 _NARROWER = 0.3  # of what causes' own laws are feared to be wrong by, where readings show that they are as good as that
 _WORSE = 1.5  # times the standard deviation, of a value or of what is left: slopes that were not simulated
@@ -168,11 +168,13 @@ def _beyond_everyday(
                 prior = refinery.log_prior(others) - refinery.log_prior(fit)
                 one_of = math.log(len(term.signature.entry.variants()))
                 likely = whole * math.exp(prior - one_of + log_as_part(term))
-                matters = found[k].leftover is None and found[fewer].probability < _LEADS * total
-                if matters and likely > max(found[fewer].probability, _WORTH_IT * total):
-                    simulated = before[hypotheses[k].fit.key]
-                    gained = _log_gained_as_part(refinery, simulated, term, hypotheses[fewer].fit)
-                    likely = hypotheses[fewer].probability * math.exp(min(gained - one_of, _MOST))
+                open_ = found[k].leftover is None and found[fewer].probability < _LEADS * total
+                if open_ and likely > max(found[fewer].probability, _WORTH_IT * total):
+                    # the search has simulated the variant that this hypothesis had to begin with
+                    gained = _log_gained_as_part(
+                        refinery, before[hypotheses[k].fit.key], term, hypotheses[fewer].fit
+                    )
+                    likely = hypotheses[fewer].probability * math.exp(min(gained - one_of, _LARGEST))
                 if likely > found[fewer].probability:
                     own = found[fewer].fit
                     worse = _is_vaguer(others, own) or _leaves_more(refinery, others, own)
