@@ -5,8 +5,10 @@ On most benches the simulation's laws are far better than feared, and readings o
 are off as it takes. With D the readings, E the explanations without leftover and d the doubt about the simulation, a
 share of what is feared, an explanation is sound where
 
-.. math:: \ln p(D, E \mid d = 0.3) \ge \max_{d \in \{0.3, 1\}} \ln p(D \mid d) - 2 .
+.. math:: \ln p(D, E \mid d = 0.3) \ge \max_{d \in \{0.3, 1\}} \ln p(D \mid d) - 2 ,
 
+or where E has 95 % with d = 0.3 and is led there by the causes that would be stated: what no leftover takes up is no
+effect that nobody has thought of, and laws of this bench are off besides.
 Where readings have shown that already there is nothing to ask, and beside other channels these tell causes apart.
 A cause's own law may be off as well, in proportion to what the cause does: an explanation that predicts held-out
 blocks to a few per cent of the gap, with everyday spreads fitted, is no made-up one.
@@ -22,6 +24,7 @@ from models.diagnosis.gain import Worth
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
+from models.diagnosis.verdict import SURE
 from models.diagnosis.whitener import Whitener
 
 _SOUND = 0.3  # of what is feared: how far laws are off on most benches, as the readings of those show
@@ -42,16 +45,23 @@ def is_strained(refinery: Refinery, fits: Sequence[Fit], worth: Worth) -> bool:
         return True
     if refinery.known.doubt <= _SOUND:
         return False
-    return _only_by_laws(refinery, fits) and any(g.calibrated > _MISSED * g.before for g in worth.gains())
+    return _only_by_laws(refinery, fits, worth.cause) and any(
+        gain.calibrated > _MISSED * gain.before for gain in worth.gains()
+    )
 
 
-def _only_by_laws(refinery: Refinery, fits: Sequence[Fit]) -> bool:
-    """Whether the readings are likelier with laws that are off as feared, or with a leftover, than without both."""
+def _only_by_laws(refinery: Refinery, fits: Sequence[Fit], cause: Fit) -> bool:
+    """Whether the readings are likelier with laws that are off as feared, or with a leftover, than without both.
+
+    With laws that are off they may be, where with sound ones the ``cause`` leads as well and nothing is left over.
+    """
     leading = sorted(fits, key=refinery.log_probability, reverse=True)[:_LEADING]
     feared, sound = (_under(refinery, share) for share in (refinery.known.doubt, _SOUND))
     at_worst, at_best = (weighed_with_leftovers(each, leading) for each in (feared, sound))
     log_best = _log_evidence(at_best, sound)
     whole = sum(h.probability for h in at_best if h.leftover is None)
+    if whole >= SURE and at_best[0].fit.effects == cause.effects:
+        return False
     log_whole = log_best + math.log(whole) if whole else -math.inf
     return log_whole < max(log_best, _log_evidence(at_worst, feared)) - _WORTH
 

@@ -46,7 +46,7 @@ def test_a_cause_of_the_catalogue_needs_no_law_to_be_off() -> None:
 def test_readings_are_asked_where_they_were_not_sure_of_the_laws_and_blocks_are_missed(
     alone: bool, doubt: float, missed: float, strained: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("models.diagnosis.strain._only_by_laws", lambda refinery, fits: True)
+    monkeypatch.setattr("models.diagnosis.strain._only_by_laws", lambda refinery, fits, cause: True)
     refinery = SimpleNamespace(
         observations=SimpleNamespace(efficiency_alone=alone), known=SimpleNamespace(doubt=doubt)
     )
