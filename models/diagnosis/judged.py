@@ -43,9 +43,10 @@ class Judged:
 
         The ``onset`` is the one that was asked about.
         """
-        beside = with_laws_as_read(BesideLeftovers.of(found.setting.refinery, found.fits))
+        setting = found.setting.looked_again(found.fits)
+        beside = with_laws_as_read(BesideLeftovers.of(setting.refinery, found.fits))
         refinery, hypotheses = beside.refinery, posterior(beside)
-        setting = replace(found.setting, refinery=refinery)
+        setting = replace(setting, refinery=refinery)
         nameless = unexplained(hypotheses, refinery, onset)
         alike = confirmed(setting, hypotheses[0])
         judged = partial(

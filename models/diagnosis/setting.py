@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.covariance import noiseless_covariance
-from models.diagnosis.evidence import NEGLIGIBLE, log_total, weighed_with_leftovers
+from models.diagnosis.evidence import NEGLIGIBLE, Hypothesis, log_total, weighed_with_leftovers
 from models.diagnosis.geometry import Geometry
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.law import Laws, law_columns
@@ -55,17 +55,27 @@ _LEAST_FREE = 0.05  # of a channel's readings, left free by the explanation: les
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """Noise (M,) and covariance of the readings, and the refinery that works with them.
+    """Noise and covariance of the readings, the refinery that works with them, and the look that told the noise."""
 
-    ``usual`` (M,) is the noise with no reading widened; ``far_off`` (M,) how many of these sigmas a reading lies from
-    what explains the others.
-    """
-
-    sigma: Array
-    usual: Array
-    far_off: Array
+    bench: "_Bench"
+    looked: "_Settled"
     covariance: Covariance
     refinery: Refinery
+
+    @property
+    def sigma(self) -> Array:
+        """The noise of every reading, (M,)."""
+        return self.looked.sigma
+
+    @property
+    def usual(self) -> Array:
+        """The same with no reading widened, (M,)."""
+        return without_widening(self.bench.observations, self.looked.first, self.looked.sigma)
+
+    @property
+    def far_off(self) -> Array:
+        """How many of the usual sigmas a reading lies from what explains the others, (M,)."""
+        return self.looked.left / self.usual
 
     @property
     def outliers(self) -> NDArray[np.bool_]:
@@ -77,6 +87,32 @@ class Setting:
         known = self.refinery.geometry.leftovers
         widest = max(known.configurations, key=lambda c: (c.columns.size, c.amplitude))
         return np.asarray(widest.amplitude * known.basis[widest.columns])
+
+    def looked_again(self, fits: Sequence[Fit]) -> "Setting":
+        """The same in the noise that simulated ``fits`` leave: the tangents that told it leave more.
+
+        With efficiency alone, where readings have narrowed the doubt about the simulation, which takes up noise as
+        well, and where nothing needs a leftover beside it.
+        """
+        if not self.bench.observations.efficiency_alone or self.bench.known.doubt == 1.0:
+            return self
+        leading = sorted(fits, key=self.refinery.log_probability, reverse=True)[:_LEADING]
+        found = self._in_noise(replace(self.looked, looks=0, still=False))
+        while found.looked.looks < _LOOKS and not found.looked.still:
+            look = _left_by(found, weighed_with_leftovers(found.refinery, leading))
+            if not look.whole:
+                return self
+            found = found._in_noise(self.bench.after(found.looked, look))
+        return found
+
+    def _in_noise(self, looked: "_Settled") -> "Setting":
+        """The same in another noise."""
+        there = self.bench.setting(looked)
+        geometry, laws = there.refinery.geometry, self.refinery.laws
+        refinery = replace(
+            self.refinery, geometry=geometry, noise=there.refinery.noise, laws=laws.in_geometry(geometry)
+        )
+        return replace(there, refinery=refinery)
 
 
 def leftovers_of(observations: Observations, baseline: Model, known: Signatures) -> Leftovers:
@@ -124,7 +160,7 @@ class FirstSight:
     def refinery(self) -> Refinery:
         """In the setting that the look tells of; nothing here asks about leftovers."""
         plain = replace(self.bench, rivals=self.looked.rivals.among(frozenset()))
-        return plain.setting(self.looked.sigma, self.looked.doubt).refinery
+        return plain.setting(self.looked).refinery
 
     @cached_property
     def tangents(self) -> list[Fit]:
@@ -139,7 +175,7 @@ def set_up(sight: FirstSight) -> Setting:
     if (steadier := _steadier(observations, bench.noise, best.first)) is not None:
         best = max(best, bench.settled(bench.begun(steadier)), key=lambda settled: settled.log_evidence)
     bench, best = _narrowed(bench, best)
-    found, sigma = bench.setting(best.sigma, best.doubt), best.sigma
+    found = bench.setting(best)
     near, lines = known.start(observations, baseline)
     geometry = found.refinery.geometry
     errors = law_errors(observations, near, baseline.converter)
@@ -147,15 +183,8 @@ def set_up(sight: FirstSight) -> Setting:
     laws = Laws.of(columns, geometry)
     everyday = zip(known.effects, _everyday(known, geometry), strict=True)
     effects = tuple(replace(s, everyday=sigma) for s, sigma in everyday)
-    usual = without_widening(observations, best.first, sigma)
-    return replace(
-        found,
-        usual=usual,
-        far_off=best.left / usual,
-        refinery=replace(
-            found.refinery, known=replace(bench.known, effects=effects), near=near, lines=lines, laws=laws
-        ),
-    )
+    known = replace(bench.known, effects=effects)
+    return replace(found, refinery=replace(found.refinery, known=known, near=near, lines=lines, laws=laws))
 
 
 def _everyday(known: Signatures, geometry: Geometry) -> list[float]:
@@ -259,18 +288,16 @@ class _Bench:
             bench, best = narrower, tried
         return bench, best
 
-    def setting(self, sigma: Array, doubt: Array) -> Setting:
-        """The setting with this noise (M,) and this doubt (M,) about what explains the readings."""
-        variance = sigma**2 + doubt**2 + self.known.input_sigma**2
+    def setting(self, looked: _Settled) -> Setting:
+        """The setting with the noise, and the doubt about what explains the readings, that a look has told."""
+        variance = looked.sigma**2 + looked.doubt**2 + self.known.input_sigma**2
         parts = self.noiseless.noisier(variance)
         geometry = Geometry.of(Whitener.of(parts), self.known.spreads, self.rivals)
         refinery = Refinery(
             known=self.known, observations=self.observations, baseline=self.baseline,
             geometry=geometry, noise=np.sqrt(variance),
         )  # fmt: skip
-        return Setting(
-            sigma=sigma, usual=sigma, far_off=np.zeros_like(sigma), covariance=parts, refinery=refinery
-        )
+        return Setting(bench=self, looked=looked, covariance=parts, refinery=refinery)
 
     def begun(self, first: Array) -> _Settled:
         """The ``first`` noise (M,), before any look."""
@@ -282,12 +309,11 @@ class _Bench:
     def settled(self, near: _Settled, looks: int = _LOOKS) -> _Settled:
         """Looks at what the best explanation leaves until the noise stands still, ``looks`` in all at most."""
         while near.looks < looks and not near.still:
-            near = self._looked(near)
+            near = self.after(near, _look(replace(self, rivals=near.rivals).setting(near)))
         return near
 
-    def _looked(self, near: _Settled) -> _Settled:
-        """One look more."""
-        look = _look(replace(self, rivals=near.rivals).setting(near.sigma, near.doubt))
+    def after(self, near: _Settled, look: "_Look") -> _Settled:
+        """The noise after one look more."""
         left = look.left * near.sigma / near.first
         sigma = corrected(self.observations, self.noise, near.told, near.first, left)
         doubt = self.rough * np.abs(look.explained)
@@ -302,7 +328,7 @@ class _Bench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Look:
-    """The best explanation on tangents, (M,): the cause with the leftover beside it; and how good all are together.
+    """The best explanation, (M,): the cause with the leftover beside it; and how good all are together.
 
     ``left`` (M,) is what it leaves of every reading, in sigmas as if that one had not been fitted; it is ``whole``
     without leftover. ``leftovers`` are those that are not negligible.
@@ -316,11 +342,15 @@ class _Look:
 
 
 def _look(setting: Setting) -> _Look:
-    refinery, geometry = setting.refinery, setting.refinery.geometry
-    nothing, *tangents = on_tangents(refinery)
+    """At what the best tangent leaves."""
+    nothing, *tangents = on_tangents(setting.refinery)
     leading = sorted(tangents, key=lambda fit: -fit.log_evidence)[:_LEADING]
-    weighed = weighed_with_leftovers(refinery, [nothing, *leading])
-    best = weighed[0]
+    return _left_by(setting, weighed_with_leftovers(setting.refinery, [nothing, *leading]))
+
+
+def _left_by(setting: Setting, weighed: Sequence[Hypothesis]) -> _Look:
+    """At what the first of some hypotheses leaves."""
+    refinery, geometry, best = setting.refinery, setting.refinery.geometry, weighed[0]
     own = best.fit.own(refinery.known)
     signs = np.random.default_rng(_SEED).choice([-1.0, 1.0], (_PROBES, setting.sigma.size))
     vectors = np.concatenate([(refinery.residual - best.fit.shift)[None], signs * setting.sigma])

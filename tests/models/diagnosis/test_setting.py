@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from experiments.blind.trial import BlindTrial, efficiency_table, measured
+from models.dataset import load_measurements
 from models.diagnosis.covariance import locations, smooth_covariance
+from models.diagnosis.diagnose import diagnose
+from models.diagnosis.hypotheses import Fit
 from models.diagnosis.noise import Replicates, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.setting import FirstSight, Setting, leftovers_of, set_up
@@ -165,3 +169,22 @@ def test_a_reading_is_far_off_by_its_own_noise_not_by_that_of_its_channel(
     found = setting(observations, known, error_W)
     # the explanation follows either of them a little, each by its own
     assert found.far_off[light] > 2.0 * found.far_off[full] > 12.0
+
+
+def test_noise_is_what_a_simulated_cause_leaves_where_its_tangent_leaves_more() -> None:
+    """In the noise that the tangent leaves nothing has 0.12 of the probability, and the verdict is that of nothing."""
+    hidden = (("inductor_saturation", 0.139502300710052),)
+    trial = BlindTrial(
+        row="efficiency_only", seed=3870084, hidden=hidden, efficiency_only=True, design=3895000
+    )
+    found = diagnose(load_measurements(efficiency_table(measured(trial))))
+    assert found.verdict.stated == ("inductor_saturation",)
+
+
+def test_noise_is_not_looked_for_again_where_laws_that_are_doubted_would_take_it_up(
+    observations: Observations, known: Signatures, several: Observations
+) -> None:
+    wrong = setting(observations, known, wrong_by_doubt(observations, known, 1))
+    others = setting(several, signatures(several, Model.baseline()))
+    for there in (wrong, others):
+        assert there.looked_again([Fit.nothing(there.sigma.size)]) is there
