@@ -49,39 +49,36 @@ _STRETCH = 128  # places whose covariances fit a core's cache: all at once take 
 class Leftover:
     """A correction of the input power in W from residuals at measured points: smooth, and an analyzer's errors.
 
-    A Gaussian process with covariance ``smooth_W^2 k(x, x') + rough_W^2 k(3 x, 3 x') + offset_W^2 + gain^2 P P' +
-    drift^2 k(t, t') L L'`` and that of the model's own laws (:mod:`models.law_doubts`), of which ``doubt`` is a share;
-    ``place`` (N, 5 + COLUMNS) holds the measured D1, D2, power P, time t, the loss L that the model has there and its
-    laws' doubts; without them, (N, 5), laws are exact. ``length`` (4,) is how far the first four are smooth over,
-    ``noise_W`` (N,) the readings' noise, and ``weight`` (N,) the fit. What is rough changes over a third of the way.
+    A Gaussian process with covariance ``(smooth^2 k(x, x') + rough^2 k(3 x, 3 x') + drift^2 k(t, t')) L L' +
+    offset_W^2 + gain^2 P P'`` and that of the model's own laws (:mod:`models.law_doubts`), of which ``doubt`` is a
+    share; ``place`` (N, 5 + COLUMNS) holds the measured D1, D2, power P, time t, the loss L that the model has there
+    and its laws' doubts; without them, (N, 5), laws are exact. ``length`` (4,) is how far the first four are smooth
+    over, ``noise_W`` (N,) the readings' noise, and ``weight`` (N,) the fit. What is rough changes over a third of the
+    way.
     """
 
     place: Array
     weight: Array
     noise_W: Array
     length: Array
-    smooth_W: float = 0.1
-    rough_W: float = 0.03
+    smooth: float = 5e-3
+    rough: float = 1.5e-3
     offset_W: float = 0.6
     gain: float = 4e-4
     drift: float = 0.0
     doubt: float = 1.0
 
     def of(self, converter: Converter) -> Self:
-        """The same at a converter of another size: its sizes in W are those of the prototype."""
-        power = size("power", converter)
-        return replace(
-            self, smooth_W=power * self.smooth_W, rough_W=power * self.rough_W, offset_W=power * self.offset_W
-        )
+        """The same at a converter of another size: its offset in W is that of the prototype."""
+        return replace(self, offset_W=size("power", converter) * self.offset_W)
 
     def covariance(self, a: Array, b: Array) -> Array:
         """Prior covariance of the correction at such places (N, ...) and (K, ...), in W^2."""
         a_, b_ = a[:, :4] / self.length, b[:, :4] / self.length
         alike = kernel(a_[:, :3], b_[:, :3]), kernel(AT_EDGES * a_[:, :3], AT_EDGES * b_[:, :3])
-        smooth, rough = self.smooth_W**2 * alike[0], self.rough_W**2 * alike[1]
-        analyzer = self.offset_W**2 + self.gain**2 * a[:, 2:3] * b[:, 2]
-        in_time = self.drift**2 * kernel(a_[:, 3:], b_[:, 3:]) * a[:, 4:5] * b[:, 4]
-        known = smooth + rough + analyzer + in_time
+        of_loss = self.smooth**2 * alike[0] + self.rough**2 * alike[1]
+        of_loss = of_loss + self.drift**2 * kernel(a_[:, 3:], b_[:, 3:])
+        known = of_loss * a[:, 4:5] * b[:, 4] + self.offset_W**2 + self.gain**2 * a[:, 2:3] * b[:, 2]
         if self.place.shape[1] > PLAIN:
             known = known + law_covariance(a[:, PLAIN:], b[:, PLAIN:], alike, self.doubt)
         return np.asarray(known)

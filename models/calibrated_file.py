@@ -2,7 +2,7 @@
 
 ::
 
-    schema      2
+    schema      3
     model       the calibrated simulator as plain data: modulation, converter, effects with their values
     variants    the same, one standard deviation along each axis of what the measurements left open
     leftover    its readings' places, weights and noise, (N, 16), (N,) and (N,), lengths (4,), sizes
@@ -20,7 +20,7 @@ from models.calibrated import PLAIN, CalibratedPhysics, Leftover
 from models.law_doubts import COLUMNS
 from sim.model import Model
 
-SCHEMA = 2
+SCHEMA = 3
 _BENCH = ("V1_V", "V2_V", "ambient_C", "time_s")
 
 

@@ -8,8 +8,10 @@ much, they are off alike,
 .. math:: k(x, x') = \sum_{e, e'} a_e\,a'_{e'} \exp\Bigl(-\frac{(m_e - m'_{e'})^2}{2 \ell^2}\Bigr)
 
 over the edges of one bridge, with a the sigma of that loss and m the share that an edge misses. An edge that is soft
-is known, and so is one that is hard all the way: towards either end a goes to nothing. A doubt that ended in a step
-would let the leftover lower the loss just before it, and an optimum would be found along that step where there is none.
+is known: towards it a goes to nothing. A doubt that ended in a step would let the leftover lower the loss just before
+it, and an optimum would be found along that step where there is none. Where an edge is hard all the way a switch closes
+on a large capacitance against small ones, or on small ones against it: how much of the charge's energy is lost and how
+much stays stored is a matter of their curves at low voltage.
 
 What the eddy currents of a cause lose flattens about some harmonic, of which each place has its own share: one error
 all over the map, and a little another one elsewhere. Pulses as wide as they go have most of those harmonics, and look
@@ -32,8 +34,10 @@ Array = NDArray[np.float64]
 
 _LEFT = 0.5  # Assumption: of a law's doubt, what is left once the spreads of its own constants are fitted
 _HARMONIC = effect("skin_effect").flattens_from  # one sigma of it
-_ELSEWHERE = 0.7  # Assumption: of that, by how much it is another one elsewhere on the map
+_ELSEWHERE = 0.4  # Assumption: of that, by how much it is another one elsewhere on the map
+_AGAIN = 0.8  # of a watt less, by how much a cooler winding loses less again: with more it would run away
 _SHARE = 0.2  # of a swing: over what the loss of a cut-short edge is smooth
+_HARD = 0.6  # Assumption: of what closing on a swing is doubted by, what is left where an edge is hard all the way
 _FLATTENS = 3  # the column of what eddy currents lose less at high harmonics
 _REST = 4  # the first column of what closing on the rest may be off by
 _MISSING = _REST + len(EDGES)  # and of the shares
@@ -52,22 +56,29 @@ def law_doubts(result: Result, model: Model) -> Array:
     halfway = 4 * missing * (1 - missing)  # 1 there, 0 where an edge is soft or hard all the way
     small_W = small_W * [np.max(halfway[edges], axis=0) for edges in _OF_BRIDGE]
     # what closing on the rest costs goes to nothing itself where little is missing
-    rest_W = rest_W * 2 * (1 - missing)
+    rest_W = rest_W * np.hypot(2 * (1 - missing), _HARD)
     small_W = np.linalg.norm(small_W, axis=0)
     known = [_LEFT * smooth_W, _LEFT * edges_W, small_W, _flattens_W(result, model), *rest_W, *missing]
     return np.asarray(np.nan_to_num(np.stack(known, axis=1)))
 
 
 def _flattens_W(result: Result, model: Model) -> Array:
-    """What a model's effects add to eddy currents, as far as it is less where their resistance flattens, (N,)."""
+    """What a model's effects add to eddy currents, as far as it is less where their resistance flattens, (N,).
+
+    Windings that lose less are cooler, and lose less again.
+    """
     plain, altered = model.converter, model.altered_converter()
     square_A2 = np.asarray(result["I_L_rms_A"]) ** 2
     added_W = np.zeros_like(square_A2)
     for part in ("inductor", "transformer"):
-        own, winding = getattr(plain, part).winding, getattr(altered, part).winding
+        own, there = getattr(plain, part).winding, getattr(altered, part)
+        winding = there.winding
         if winding.ac_extra != own.ac_extra:
-            eddy_W = result[f"loss_{part}_copper_W"] - winding.at(result[f"T_{part}_C"]) * square_A2
-            added_W += eddy_W * (1.0 - own.ac_extra / winding.ac_extra)
+            copper_W, dc_Ohm = result[f"loss_{part}_copper_W"], winding.at(result[f"T_{part}_C"])
+            eddy_W = (copper_W - dc_Ohm * square_A2) * (1.0 - own.ac_extra / winding.ac_extra)
+            per_K = winding.resistance_per_K * winding.resistance_Ohm / dc_Ohm
+            again = np.minimum(there.thermal_K_per_W * per_K * copper_W, _AGAIN)
+            added_W += eddy_W / (1.0 - again)
     if not np.any(added_W):
         return added_W
     at = result.points.with_voltages_of(plain)

@@ -69,9 +69,13 @@ def _rows(observations: Observations) -> NDArray[np.intp]:
 def _rest_W(near: Result, converter: Converter) -> Array:
     """What closing on the rest of a swing costs where an edge is neither soft nor hard all the way, (4, N)."""
     missing = np.nan_to_num([near[f"missing_{edge}"] for edge in EDGES])
+    return np.where(_is_cut(missing), _closing_W(near, converter, missing), 0.0)
+
+
+def _closing_W(near: Result, converter: Converter, missing: Array) -> Array:
+    """What closing on a ``missing`` share of each swing costs, (4, N)."""
     at = near.points.with_voltages_of(converter)
-    lost_W = missing_losses(converter, missing, np.asarray(at.V1_V), np.asarray(at.V2_V))
-    return np.where(_is_cut(missing), lost_W, 0.0)
+    return missing_losses(converter, missing, np.asarray(at.V1_V), np.asarray(at.V2_V))
 
 
 def _is_cut(missing: Array) -> NDArray[np.bool_]:
@@ -91,10 +95,10 @@ def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
 def loss_sigmas_W(near: Result, converter: Converter) -> tuple[Array, Array, Array, Array]:
     """One sigma of the input power in W at N points, by what may be wrong.
 
-    All laws (N,); those of edges (N,); what each bridge switches where one of its swings is cut short (bridges, N);
-    closing on the rest of each swing (edges, N).
+    All laws (N,); those of edges (N,); what each bridge switches, were one of its swings cut short (bridges, N);
+    closing on the rest of each swing, or on all of it (edges, N).
     """
-    cut_short, parts = _cut_short(near), _parts(near)
+    parts, missing = _parts(near), np.nan_to_num([near[f"missing_{edge}"] for edge in EDGES])
     lost_W = {part: np.nan_to_num(near[f"loss_{part}_W"]) for part, _, _ in parts}
     none = np.zeros(np.shape(near["P1_W"]))
     of_edges = [part for part, _, at_edges in parts if at_edges]
@@ -108,8 +112,8 @@ def loss_sigmas_W(near: Result, converter: Converter) -> tuple[Array, Array, Arr
     return (
         together([law * lost_W[part] for part, law, _ in parts]),
         together([law * lost_W[part] for part, law, at_edges in parts if at_edges]),
-        np.stack([_AT_SMALL_CURRENT * cut_short[bridge] * at_edges(bridge) for bridge in BRIDGES]),
-        _THE_REST * _rest_W(near, converter),
+        np.stack([_AT_SMALL_CURRENT * at_edges(bridge) for bridge in BRIDGES]),
+        _THE_REST * _closing_W(near, converter, missing),
     )
 
 

@@ -47,7 +47,8 @@ _ROUGH = 0.02  # of what the best explanation moves a reading by: no law is good
 # The second, and noise that settles anew, are for efficiency alone: beside other channels both change hardly anything.
 _NARROWER = ((0.3, 3.0), (0.1, 0.0))
 _OTHERS_NARROWER = ((0.3, 3.0), (0.09, 3.0))  # of all other channels together
-_SMOOTHER = ((0.3, 0.0),)  # of what no law is good to from one reading to the next, with efficiency alone
+# Of what no law is good to from one reading to the next, with efficiency alone, unless the readings speak against it
+_SMOOTHER = ((0.3, -2.0),)
 _SEED = 0  # of the probes
 _OUTLIER = 6.0  # sigmas: one normal reading in a billion
 _LEAST_FREE = 0.05  # of a channel's readings, left free by the explanation: less is within the probes' error

@@ -181,6 +181,17 @@ def test_noise_is_what_a_simulated_cause_leaves_where_its_tangent_leaves_more() 
     assert found.verdict.stated == ("inductor_saturation",)
 
 
+def test_what_may_be_noise_as_well_as_a_rough_law_is_noise() -> None:
+    """With a law that is rough from reading to reading, `link_resistance` keeps three per cent beside the right one."""
+    hidden = (("sic_on_resistance", 0.3124104660915011),)
+    trial = BlindTrial(
+        row="efficiency_only", seed=3870035, hidden=hidden, efficiency_only=True, design=3895005
+    )
+    found = diagnose(load_measurements(efficiency_table(measured(trial))))
+    assert found.verdict.stated == ("sic_on_resistance",)
+    assert found.verdict.groups == ()
+
+
 def test_noise_is_not_looked_for_again_where_laws_that_are_doubted_would_take_it_up(
     observations: Observations, known: Signatures, several: Observations
 ) -> None:
