@@ -5,7 +5,7 @@
     schema      3
     model       the calibrated simulator as plain data: modulation, converter, effects with their values
     variants    the same, one standard deviation along each axis of what the measurements left open
-    leftover    its readings' places, weights and noise, (N, 16), (N,) and (N,), lengths (4,), sizes
+    leftover    its readings' places, weights and noise, (N, 17), (N,) and (N,), lengths (4,), sizes
     bench       V1_V, V2_V, ambient_C and time_s that it speaks of
 """
 

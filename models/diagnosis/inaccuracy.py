@@ -68,14 +68,18 @@ def _rows(observations: Observations) -> NDArray[np.intp]:
 
 def _rest_W(near: Result, converter: Converter) -> Array:
     """What closing on the rest of a swing costs where an edge is neither soft nor hard all the way, (4, N)."""
-    missing = np.nan_to_num([near[f"missing_{edge}"] for edge in EDGES])
-    return np.where(_is_cut(missing), _closing_W(near, converter, missing), 0.0)
+    return np.where(_is_cut(_missing(near)), _closing_W(near, converter), 0.0)
 
 
-def _closing_W(near: Result, converter: Converter, missing: Array) -> Array:
-    """What closing on a ``missing`` share of each swing costs, (4, N)."""
+def _closing_W(near: Result, converter: Converter) -> Array:
+    """What closing on what is missing of each swing costs, all of a hard one, (4, N)."""
     at = near.points.with_voltages_of(converter)
-    return missing_losses(converter, missing, np.asarray(at.V1_V), np.asarray(at.V2_V))
+    return missing_losses(converter, _missing(near), np.asarray(at.V1_V), np.asarray(at.V2_V))
+
+
+def _missing(near: Result) -> Array:
+    """The share of its swing that each edge misses, (4, N); 0 where nothing runs."""
+    return np.nan_to_num([near[f"missing_{edge}"] for edge in EDGES])
 
 
 def _is_cut(missing: Array) -> NDArray[np.bool_]:
@@ -85,7 +89,7 @@ def _is_cut(missing: Array) -> NDArray[np.bool_]:
 
 def _cut_short(near: Result) -> dict[str, NDArray[np.bool_]]:
     """Where an edge of each bridge is switched neither softly nor hard all the way, (N,)."""
-    cut = {edge: _is_cut(near[f"missing_{edge}"]) for edge in EDGES}
+    cut = dict(zip(EDGES, _is_cut(_missing(near)), strict=True))
     return {
         bridge: np.any([at for edge, at in cut.items() if edge.startswith(bridge)], axis=0)
         for bridge in BRIDGES
@@ -98,7 +102,7 @@ def loss_sigmas_W(near: Result, converter: Converter) -> tuple[Array, Array, Arr
     All laws (N,); those of edges (N,); what each bridge switches, were one of its swings cut short (bridges, N);
     closing on the rest of each swing, or on all of it (edges, N).
     """
-    parts, missing = _parts(near), np.nan_to_num([near[f"missing_{edge}"] for edge in EDGES])
+    parts = _parts(near)
     lost_W = {part: np.nan_to_num(near[f"loss_{part}_W"]) for part, _, _ in parts}
     none = np.zeros(np.shape(near["P1_W"]))
     of_edges = [part for part, _, at_edges in parts if at_edges]
@@ -113,7 +117,7 @@ def loss_sigmas_W(near: Result, converter: Converter) -> tuple[Array, Array, Arr
         together([law * lost_W[part] for part, law, _ in parts]),
         together([law * lost_W[part] for part, law, at_edges in parts if at_edges]),
         np.stack([_AT_SMALL_CURRENT * at_edges(bridge) for bridge in BRIDGES]),
-        _THE_REST * _closing_W(near, converter, missing),
+        _THE_REST * _closing_W(near, converter),
     )
 
 

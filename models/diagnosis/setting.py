@@ -277,8 +277,8 @@ class _Bench:
     ) -> "tuple[_Bench, _Settled]":
         """With the doubt about the simulation reduced to the share of each of the ``steps`` in turn.
 
-        It goes on while a step gains the log evidence beside it, and leaves nothing over: where something is left, the
-        simulation is not as good as that.
+        It goes on while a step gains the log evidence beside it, or loses no more where that is negative, and leaves
+        nothing over: where something is left, the simulation is not as good as that.
         """
         bench = self
         for share, worth in steps:

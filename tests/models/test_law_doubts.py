@@ -53,9 +53,8 @@ def test_a_clamped_leg_that_is_hard_all_the_way_is_doubted_by_as_much_as_two_sou
     assert np.all(result["missing_primary_rise"] == 1.0)
     bridge, half_V = model.converter.primary, 0.5 * model.converter.V1_V
     charge_C = sum(d.capacitance.charge_C(half_V) for d in (bridge.outer, bridge.inner, bridge.clamp))
-    constant_W = (
-        2 * 2 * model.converter.frequency_Hz * 0.5 * charge_C * half_V
-    )  # two legs, each edge twice a period
+    legs, a_period = 2, 2
+    constant_W = legs * a_period * model.converter.frequency_Hz * 0.5 * charge_C * half_V
     voltages = model.converter.V1_V, model.converter.V2_V
     (by_curves_W,) = missing_losses(model.converter, np.ones((4, 1)), *voltages)[0]
     doubted_W = law_doubts(result, model)[:, FIRST_REST]

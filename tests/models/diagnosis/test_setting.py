@@ -15,6 +15,7 @@ from models.diagnosis.noise import Replicates, estimate_noise
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.setting import FirstSight, Setting, leftovers_of, set_up
 from models.diagnosis.signatures import Signatures, signatures
+from models.diagnosis.verdict import Verdict
 from sim.model import Model
 from sim.prototype import prototype
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
@@ -171,25 +172,25 @@ def test_a_reading_is_far_off_by_its_own_noise_not_by_that_of_its_channel(
     assert found.far_off[light] > 2.0 * found.far_off[full] > 12.0
 
 
+def by_efficiency_alone(cause: str, value: float, seed: int, design: int) -> Verdict:
+    """The verdict on a virtual lab with one hidden cause."""
+    trial = BlindTrial(
+        row="efficiency_only", seed=seed, hidden=((cause, value),), efficiency_only=True, design=design
+    )
+    return diagnose(load_measurements(efficiency_table(measured(trial)))).verdict
+
+
 def test_noise_is_what_a_simulated_cause_leaves_where_its_tangent_leaves_more() -> None:
     """In the noise that the tangent leaves nothing has 0.12 of the probability, and the verdict is that of nothing."""
-    hidden = (("inductor_saturation", 0.139502300710052),)
-    trial = BlindTrial(
-        row="efficiency_only", seed=3870084, hidden=hidden, efficiency_only=True, design=3895000
-    )
-    found = diagnose(load_measurements(efficiency_table(measured(trial))))
-    assert found.verdict.stated == ("inductor_saturation",)
+    found = by_efficiency_alone("inductor_saturation", 0.139502300710052, seed=3870084, design=3895000)
+    assert found.stated == ("inductor_saturation",)
 
 
 def test_what_may_be_noise_as_well_as_a_rough_law_is_noise() -> None:
     """With a law that is rough from reading to reading, `link_resistance` keeps three per cent beside the right one."""
-    hidden = (("sic_on_resistance", 0.3124104660915011),)
-    trial = BlindTrial(
-        row="efficiency_only", seed=3870035, hidden=hidden, efficiency_only=True, design=3895005
-    )
-    found = diagnose(load_measurements(efficiency_table(measured(trial))))
-    assert found.verdict.stated == ("sic_on_resistance",)
-    assert found.verdict.groups == ()
+    found = by_efficiency_alone("sic_on_resistance", 0.3124104660915011, seed=3870035, design=3895005)
+    assert found.stated == ("sic_on_resistance",)
+    assert found.groups == ()
 
 
 def test_noise_is_not_looked_for_again_where_laws_that_are_doubted_would_take_it_up(
