@@ -1,4 +1,4 @@
-"""Databases for the tests of what is stored: each runs on SQLite and on PostgreSQL; and folders for commands."""
+"""Databases for the tests of what is stored, each run on SQLite and on PostgreSQL; folders for commands; residuals."""
 
 import errno
 import os
@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from bench.store import Store
@@ -55,3 +57,14 @@ def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.chdir(tmp_path)
     for name in ("D2EA_DB", "D2EA_TOKEN"):
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def residuals() -> pd.DataFrame:
+    """What a diagnosis of 30 rows leaves of their input power; D0 is not in the table."""
+    rng = np.random.default_rng(1)
+    D1, D2, power = rng.uniform(0.4, 1, 30), rng.uniform(0, 0.5, 30), rng.uniform(200, 1800, 30)
+    return pd.DataFrame(
+        {"kind": "load", "D1": D1, "D2": D2, "P2_W": power, "time_s": 60.0 * np.arange(30),
+         "residual_P1_W": power / 100, "residual_D0": np.nan, "leftover_W": power / 500}
+    )  # fmt: skip

@@ -5,11 +5,9 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from bench.diagnosis_charts import cause_bars, residual_columns, residual_maps
 from bench.diagnosis_page import DiagnosisPage, noise_rows, ties, tiles, unseen, write_diagnosis_page
 from bench.errors import NotWritten
 from bench.questions import first_questions
@@ -47,13 +45,7 @@ WORSE = ANSWER["gain"] | {"after": 0.02, "ci95": [-0.009, -0.007]}  # held out, 
 
 
 @pytest.fixture
-def page() -> DiagnosisPage:
-    rng = np.random.default_rng(1)
-    D1, D2, power = rng.uniform(0.4, 1, 30), rng.uniform(0, 0.5, 30), rng.uniform(200, 1800, 30)
-    residuals = pd.DataFrame(
-        {"kind": "load", "D1": D1, "D2": D2, "P2_W": power, "time_s": 60.0 * np.arange(30),
-         "residual_P1_W": power / 100, "residual_D0": np.nan, "leftover_W": power / 500}
-    )  # fmt: skip
+def page(residuals: pd.DataFrame) -> DiagnosisPage:
     return DiagnosisPage(
         source="somewhere.csv", virtual=False, created="2026-01-01", diagnosis=ANSWER, residuals=residuals
     )
@@ -329,20 +321,6 @@ def test_a_virtual_lab_is_labelled(page: DiagnosisPage, tmp_path: Path) -> None:
     assert "VIRTUAL LAB" in written(replace(page, virtual=True), tmp_path)
 
 
-def test_a_channel_without_residuals_has_no_panel(page: DiagnosisPage) -> None:
-    assert residual_columns(page.residuals) == {"P1_W": "residual_P1_W"}
-    figure = residual_maps(page.residuals)
-    assert figure is not None
-    assert len(figure.data) == 1
-
-
-def test_a_difference_of_temperatures_is_in_kelvin(page: DiagnosisPage) -> None:
-    warmer = page.residuals.assign(residual_T_heatsink_C=2.0)
-    figure = residual_maps(warmer)
-    assert figure is not None
-    assert [note.text for note in figure.layout.annotations][-1] == "heatsink<br>±2 K"
-
-
 def test_tables_say_what_stands_behind_them() -> None:
     assert noise_rows(ANSWER) == [("efficiency", "0.02 % of reading", "assumed: no replicates", "–")]
     assert unseen(ANSWER).larger == (("fan power step", "12 W"),)
@@ -381,19 +359,6 @@ def test_noise_is_unusual_only_beyond_what_chance_does(
     of = {"from_replicates": differences, "excess_kurtosis": kurtosis, "autocorrelation": memory}
     noise = {"efficiency": ANSWER["noise"]["efficiency"] | of}
     assert noise_rows({"noise": noise})[0][3] == said
-
-
-def test_a_row_that_was_not_used_is_a_ring(page: DiagnosisPage) -> None:
-    residuals = page.residuals.copy()
-    residuals.loc[4, "residual_P1_W"] = np.nan
-    rings, dots = residual_maps(residuals).data
-    assert (rings.marker.symbol, list(rings.x)) == ("circle-open", [residuals["D1"][4]])
-    assert len(dots.x) == 29
-
-
-def test_a_bar_that_is_too_short_to_see_still_says_its_probability() -> None:
-    figure = cause_bars([{"effect": "link_resistance", "probability": 0.9999}], 0.0001, 0.0)
-    assert list(figure.data[0].text) == ["over 99.9 %", "under 0.1 %", "0.0 %"]
 
 
 def test_where_only_laws_that_are_off_explain_efficiency_more_channels_are_asked_for() -> None:

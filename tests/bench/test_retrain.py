@@ -8,9 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.commands.retrain import _settle
 from bench.errors import BenchError, InputError
-from bench.imported import import_config
 from bench.lut_file import model_of, read_lut
 from bench.model_file import simulator_for
 from bench.retrain import Retrainer, Retraining, newest_data, note_in_store, watch
@@ -18,38 +16,21 @@ from bench.store import Provenance, Store
 from bench.trace import trace_entry
 from bench.training import Trainer
 from bench.training_data import Places, TrainingData
-from experiments.onset_trials import happened
 from models.calibrated import CalibratedPhysics
 from models.dataset import Measurements
 from models.held_blocks import held_out
-from models.journal import Choice, Decision
+from models.journal import Choice
 from models.registry import ModelRecord, Registry
-from models.screening import RejectedRow
 from models.surrogate import StagedModel
 from sim.model import Model
-from sim.operating_points import Points
 from sim.prototype import prototype
-from sim.simulate import simulate
-from tests.bench.fake_bench import memory
-from tests.models.diagnosis.virtual_campaign import lab_table
+from tests.bench.readings import imported, measured
 
 WHEN = "2024-05-01T12:00:00+00:00"
 LOADS_W = (400.0, 600.0, 800.0)
 TREES = ("d2ea", "simulator_first_stage")  # a diagnosis takes longer, and most tests are not about it
 OTHER = Model(converter=replace(prototype(), V1_V=330.0))
 SETTINGS = {"simulator": Model.baseline(), "shape": (13, 13, 7), "loads_W": LOADS_W}
-
-
-def measured(count: int, *, seed: int = 1, resistance_Ohm: float = 0.15, noise: float = 2e-5) -> pd.DataFrame:
-    """Readings of a converter with a resistance that its simulation does not know."""
-    rng = np.random.default_rng(seed)
-    D1, D2, P_W = rng.uniform(0.7, 1.0, count), rng.uniform(0.0, 0.3, count), rng.uniform(300, 1200, count)
-    converter = Model.baseline().with_effect("link_resistance", resistance_Ohm=resistance_Ohm)
-    run = simulate(converter, Points(D1=D1, D2=D2, power_W=P_W))
-    table = pd.DataFrame({"D1": D1, "D2": D2, "P2_W": P_W, "P_set_W": P_W, "kind": "load"})
-    table["efficiency"] = run["efficiency"] + noise * rng.standard_normal(count)
-    table["P1_W"] = P_W / table["efficiency"]
-    return table[run.feasible].reset_index(drop=True)
 
 
 def file_data(table: pd.DataFrame, name: str = "theirs.csv") -> TrainingData:
@@ -306,10 +287,6 @@ def test_standby_goes_to_the_diagnosis_and_nowhere_else() -> None:
 # --- from the database ----------------------------------------------------------------------------------
 
 
-def imported(store: Store, table: pd.DataFrame) -> int:
-    return store.import_table("theirs", table, Provenance(config={}, config_hash="0", virtual=True))
-
-
 def test_an_entry_leads_back_to_its_measurements_or_says_that_they_are_gone(
     store: Store, tmp_path: Path
 ) -> None:
@@ -355,53 +332,6 @@ def test_watching_retrains_once_per_batch_of_rows(store: Store, tmp_path: Path) 
         if len(told) == 2:
             break
     assert told == [len(measured(20)), len(measured(60, seed=2))]
-
-
-DECIDED = Retraining(
-    said="model 0 kept out", decision=Decision(when=WHEN, decision=Choice.KEPT_OUT, model="0", reason="worse")
-)
-
-
-def test_too_few_rows_for_a_diagnosis_are_said_and_end_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    with memory() as store:
-        campaign = imported(store, measured(8))
-        data = newest_data(store)
-        assert data is not None
-        _settle(store, data, DECIDED, Model.baseline())
-        assert store.diagnoses(campaign) == []
-    said = " ".join(capsys.readouterr().out.split())
-    assert (
-        f"no diagnosis of campaign 1: {len(measured(8))} usable rows that carry power; a diagnosis needs"
-        in said
-    )
-
-
-def test_a_renewed_diagnosis_says_of_what_it_is() -> None:
-    lost = RejectedRow(row=7, column="P1_W", value="", reason="no number")
-    config = import_config(
-        Path("theirs.csv"), Measurements(frame=measured(1), rows=(1,), rejected=(lost,), notes=())
-    )
-    with memory() as store:
-        store.import_table("theirs", measured(40), Provenance(config=config, config_hash="0", virtual=True))
-        data = newest_data(store)
-        assert data is not None
-        _settle(store, data, DECIDED, Model.baseline())
-        answer = store.diagnoses(1)[0]["verdict"]
-    assert answer["campaign"]["accepted"] == len(measured(40))
-    assert answer["left_out_by_import"]["rows"][0]["row"] == 7
-    assert "V1_V is not in the table: taken as 300 V" in answer["notes"]
-
-
-def test_a_renewed_diagnosis_says_what_both_stretches_of_a_change_say() -> None:
-    changed, _ = happened(lab_table({}, seed=171), lab_table({"link_resistance": 0.08}, seed=171), 0.5)
-    with memory() as store:
-        imported(store, changed)
-        data = newest_data(store)
-        assert data is not None
-        _settle(store, data, DECIDED, Model.baseline())
-        answer = store.diagnoses(1)[0]["verdict"]
-    before, after = answer["unknown"]["onset"]["stretches"]
-    assert (before["answer"]["verdict"], after["answer"]["named"]) == ("consistent", ["link_resistance"])
 
 
 def test_a_virtual_lab_and_hardware_are_never_mixed(store: Store) -> None:
