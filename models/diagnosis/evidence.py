@@ -149,8 +149,8 @@ def _beyond_everyday(
 
     The rest is evidence for the hypothesis without that cause, and replaces that one's probability where it is larger:
     the search then missed that state of the parts. Where that decides, it is simulated as a part first. The other
-    causes take their values from here, unless these are much vaguer or leave much more of the readings: beside a
-    threshold, a part that carries a row across it has no slope.
+    causes take their values from here, unless these are much vaguer than in a hypothesis that tells anything itself, or
+    leave much more of the readings: beside a threshold, a part that carries a row across it has no slope.
     ``searched`` are the fits as the search left them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
@@ -176,8 +176,8 @@ def _beyond_everyday(
                     )
                     likely = hypotheses[fewer].probability * math.exp(min(gained - one_of, _LARGEST))
                 if likely > found[fewer].probability:
-                    own = found[fewer].fit
-                    worse = _is_vaguer(others, own) or _leaves_more(refinery, others, own)
+                    own, tells = found[fewer].fit, found[fewer].probability > _WORTH_A_LOOK * total
+                    worse = (tells and _is_vaguer(others, own)) or _leaves_more(refinery, others, own)
                     there = own if worse else replace(others, log_evidence=own.log_evidence)
                     found[fewer] = replace(found[fewer], fit=there, probability=likely)
         found[k] = replace(found[k], probability=beyond)

@@ -206,14 +206,22 @@ def test_a_part_counts_as_nothing_with_nothings_prior(name: str, other: dict[str
 
 @pytest.mark.parametrize(
     ("probability", "vaguer", "astray_W", "value"),
-    [(1e-3, 1.0, 0.0, 2.0), (0.999, 1.0, 0.0, 1.0), (1e-3, 2.0, 0.0, 1.0), (1e-3, 1.0, 20.0, 1.0)],
+    [
+        (1e-3, 1.0, 0.0, 2.0),
+        (0.999, 1.0, 0.0, 1.0),
+        (1e-3, 2.0, 0.0, 1.0),
+        (1e-3, 1.0, 20.0, 1.0),
+        (1e-40, 2.0, 0.0, 2.0),
+        (1e-40, 1.0, 20.0, 1.0),
+    ],
 )
 def test_what_counts_as_likely_as_a_larger_one_has_its_values(
     probability: float, vaguer: float, astray_W: float, value: float
 ) -> None:
     """Where a part was simulated as a cause the other cause has another value than beside spreads.
 
-    One that is known much worse there, or that leaves a reading far off, is of slopes that were not simulated.
+    One that is known much worse there, or that leaves a reading far off, is of slopes that were not simulated; what is
+    known well without the part tells nothing where it explains nothing.
     """
     usual = LINK.entry.headline.tolerance
     bench = refinery(2.0 * FLAT + noise(5), [AUXILIARY, LINK], SIGMA)
