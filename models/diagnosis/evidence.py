@@ -20,7 +20,9 @@ NEGLIGIBLE = 1e-16  # probability: all such together are below rounding
 _WORTH_IT = 1e-3  # probability from which it is asked what a hypothesis needs of parts
 _LEADS = 0.5  # probability of a hypothesis from which nothing is decided by how much more it has
 _LARGEST = 700.0  # exponent, against overflow
-_WORTH_A_LOOK = 1e-6  # probability from which it is asked whether its causes are parts by another name
+# probability from which it is asked whether causes are parts by another name, and from which a hypothesis' own values
+# tell anything
+_WORTH_A_LOOK = 1e-6
 _NARROWER = 0.3  # of what causes' own laws are feared to be wrong by, where readings show that they are as good as that
 _WORSE = 1.5  # times the standard deviation, of a value or of what is left: slopes that were not simulated
 _LEADING = 6  # hypotheses that tell
