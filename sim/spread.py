@@ -4,7 +4,7 @@ Devices bring theirs from their data files; the rest is listed here. A diagnosis
 of these spreads calls every one of them a fault.
 """
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
@@ -81,27 +81,28 @@ _REST = (
     Spread(path="heatsink_K_per_W", sigma=0.06),
 )
 
-# Assumption: every device's resistance bends off the line through 25 and 125 degC as UF3C065030K4S's does, whose
-# datasheet says 1.32 at 125 and 1.59 at 175 degC, or the other way: by 4 % at 75 and 11 % at 175 degC.
+# Assumption: a device's resistance bends off the line through 25 and 125 degC as UF3C065030K4S's does, whose datasheet
+# says 1.32 at 125 and 1.59 at 175 degC, or the other way: by 4 % at 75 and 11 % at 175 degC. Its own data may say more.
 _BEND_PER_K2 = 1.5e-5
 
 
 def everyday_spread(converter: Converter) -> tuple[Spread, ...]:
-    """The spreads of a converter's parameters, each independent of the others."""
-    found = [
-        spread
+    """The spreads of a converter's parameters, each independent of the others; how resistances bend comes last."""
+    found = {
+        spread.path: spread
         for bridge in ("primary", "secondary")
         for place in fields(getattr(converter, bridge))
         for spread in _of_device(f"{bridge}.{place.name}", getattr(getattr(converter, bridge), place.name))
-    ]
-    return (*found, *(spread.at(converter) for spread in _REST), *_bends({spread.path for spread in found}))
+    }
+    bends = {bend.path: found.pop(bend.path, bend) for bend in _bends(sorted(found))}
+    return (*found.values(), *(spread.at(converter) for spread in _REST), *bends.values())
 
 
-def _bends(given: Collection[str]) -> Iterator[Spread]:
+def _bends(paths: Iterable[str]) -> Iterator[Spread]:
     """How devices' resistances bend, where their data give those a tolerance and none to the bend itself."""
-    for path in sorted(given):
-        bend = path.replace("resistance_Ohm", "resistance_bend_per_K2")
-        if path.endswith(".on.resistance_Ohm") and bend not in given:
+    for path in paths:
+        if path.endswith(".on.resistance_Ohm"):
+            bend = path.replace("resistance_Ohm", "resistance_bend_per_K2")
             yield Spread(path=bend, sigma=_BEND_PER_K2, relative=False)
 
 

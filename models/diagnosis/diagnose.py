@@ -15,7 +15,7 @@ from models.calibration import calibrate
 from models.dataset import Measurements
 from models.diagnosis.agreement import Confirmed
 from models.diagnosis.bench_options import ANYTHING, Allowed
-from models.diagnosis.conditions import Condition, unread_conditions
+from models.diagnosis.conditions import Condition, elsewhere, unread_conditions
 from models.diagnosis.everyday import parts_beyond
 from models.diagnosis.evidence import Hypothesis
 from models.diagnosis.extension import extended, interval
@@ -275,6 +275,11 @@ def _diagnosed(
     progress(f"simulating {len(CATALOGUE) - len(unknown)} effects at {len(whole.frame)} points")
     first = usable_readings(whole, baseline, unknown, measurements.rows)
     judged = judged_of(find(first, baseline, progress), seed, progress)
+    if found := elsewhere(unread_conditions(judged.setting.refinery, judged.leading.fit)):
+        progress(f"simulating once more, at what readings tell of {', '.join(found)}")
+        whole = whole.where(found, baseline.converter)
+        first = usable_readings(whole, baseline, unknown, measurements.rows)
+        judged = judged_of(find(first, baseline, progress), seed, progress)
     begun, setting, hypotheses = judged.begun, judged.setting, judged.hypotheses
     usable, observations, refinery = begun.usable, begun.usable.observations, setting.refinery
     verdict, worth, nameless = judged.verdict, judged.worth, judged.nameless

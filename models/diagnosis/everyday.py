@@ -105,7 +105,7 @@ def log_as_part(term: Term) -> float:
         return -math.inf
     slope, prior2, alone2 = sigma / term.sigma, term.head.prior**2, _told_alone(term)
     back = term.distance * alone2 / prior2  # how far the prior has drawn the value to off
-    as_spread = _log_normal(acting + slope * back, slope**2 * alone2 + usual**2) + math.log(slope)
+    as_spread = _log_normal(acting + slope * back, slope**2 * alone2 + _scatter(term) ** 2) + math.log(slope)
     as_cause = _log_normal(term.distance + back, alone2 + prior2)
     line, at, share = EVERYDAY * usual, *_as_spread(term)
     within = log_inside((-line, line), at, slope * math.sqrt(share * alone2))
@@ -117,9 +117,9 @@ def as_part(term: Term) -> Term:
 
     A spread is normal in what acts.
     """
-    head, entry, (*_, usual) = term.head, term.signature.entry, term.acting
+    head, entry = term.head, term.signature.entry
     value = head.value_of(_as_spread(term)[0])
-    spread = replace(head, prior=usual / head.acting(value)[1])
+    spread = replace(head, prior=_scatter(term) / head.acting(value)[1])
     signature = replace(term.signature, entry=replace(entry, parameters=(spread, *entry.parameters[1:])))
     return replace(term, signature=signature, value=value)
 
@@ -132,10 +132,15 @@ def _told_alone(term: Term) -> float:
 
 def _as_spread(term: Term) -> tuple[float, float]:
     """Where what acts is as a part's spread, and the share of its distance, as the readings have it, that this is."""
-    acting, sigma, usual = term.acting
-    slope, alone2 = sigma / term.sigma, _told_alone(term)
-    share = usual**2 / (slope**2 * alone2 + usual**2)
+    acting, sigma, _ = term.acting
+    slope, alone2, scatter2 = sigma / term.sigma, _told_alone(term), _scatter(term) ** 2
+    share = scatter2 / (slope**2 * alone2 + scatter2)
     return share * (acting + slope * term.distance * alone2 / term.head.prior**2), share
+
+
+def _scatter(term: Term) -> float:
+    """One sigma of what ordinary parts do, as acting: that of the spreads which nothing itself is weighed with."""
+    return term.signature.everyday or term.head.tolerance
 
 
 def _log_normal(x: float, variance: float) -> float:

@@ -75,6 +75,25 @@ class BesideLeftovers:
             found.append((inner * np.outer(scale, scale), log_det))
         return replace(self, refinery=other, products=found)
 
+    def with_exact_law(self, hypothesis: Hypothesis, term: Term) -> tuple[float, Term]:
+        """Log evidence that a hypothesis gains where one of its causes has an exact law, and that one's value then."""
+        k = next(k for k, fit in enumerate(self.fits) if fit.key == hypothesis.fit.key)
+        fit, c = self.fits[k], _with_none(self.refinery).index(hypothesis.leftover)
+        inner, log_det = (part[c : c + 1] for part in self.products[k])
+        laws = ((t, self.refinery.laws.directions(t.signature, t.distance)) for t in fit.terms)
+        columns = [
+            np.full(len(law.vectors), float(t.effect != term.effect)) for t, law in laws if law is not None
+        ]
+        kept = np.concatenate([np.ones(len(fit.terms) + 1), *columns])
+        if np.all(kept):
+            return 0.0, term
+        feared, exact = evidence_of([fit, fit], [(inner, log_det), (inner * np.outer(kept, kept), log_det)])
+        gained = exact.log_evidence - feared.log_evidence if c == 0 else exact.promised - feared.promised
+        place = fit.effects.index(term.effect)
+        step = float(exact.step[0, place] - feared.step[0, place])
+        known = float(exact.sigma[0, place] / feared.sigma[0, place])
+        return float(gained[0]), term.moved(step, sigma=known * term.sigma)
+
     def hypotheses(self) -> list[Hypothesis]:
         """Fits without and with every leftover, the values beside a leftover fitted again, the most probable first.
 
@@ -136,7 +155,7 @@ def posterior(beside: BesideLeftovers) -> list[Hypothesis]:
     counted = [h.probability * share for h, share in zip(hypotheses[:worth], shares, strict=True)]
     counted += [h.probability for h in hypotheses[worth:]]
     found = [replace(h, probability=p) for h, p in zip(hypotheses, counted, strict=True)]
-    found = _beyond_everyday(refinery, found, beside.fits)
+    found = _beyond_everyday(beside, found)
     total = sum(h.probability for h in found)
     if not total:  # as good as nothing explains the readings within the line
         return hypotheses
@@ -144,20 +163,17 @@ def posterior(beside: BesideLeftovers) -> list[Hypothesis]:
     return sorted(found, key=lambda h: -h.probability)
 
 
-def _beyond_everyday(
-    refinery: Refinery, hypotheses: Sequence[Hypothesis], searched: Sequence[Fit]
-) -> list[Hypothesis]:
+def _beyond_everyday(beside: BesideLeftovers, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Each hypothesis with that share of its probability in which all its causes are beyond the everyday line.
 
     The rest is evidence for the hypothesis without that cause, and replaces that one's probability where it is larger:
     the search then missed that state of the parts. Where that decides, it is simulated as a part first. The other
     causes take their values from here, unless these are much vaguer than in a hypothesis that tells anything itself, or
     leave much more of the readings: beside a threshold, a part that carries a row across it has no slope.
-    ``searched`` are the fits as the search left them.
     """
     found, places = list(hypotheses), dict[tuple[object, ...], int]()
     total = sum(h.probability for h in hypotheses)
-    before = {fit.key: fit for fit in searched}
+    refinery, before = beside.refinery, {fit.key: fit for fit in beside.fits}
     for k, h in enumerate(hypotheses):
         places.setdefault(_name(h.fit.effects, h.leftover), k)
     for k in sorted(range(len(found)), key=lambda k: -len(found[k].fit.terms)):
@@ -169,7 +185,8 @@ def _beyond_everyday(
             if fewer is not None:
                 prior = refinery.log_prior(others) - refinery.log_prior(fit)
                 one_of = math.log(len(term.signature.entry.variants()))
-                likely = whole * math.exp(prior - one_of + log_as_part(term))
+                exact, alone = beside.with_exact_law(hypotheses[k], term)
+                likely = whole * math.exp(min(prior - one_of + exact + log_as_part(alone), _LARGEST))
                 open_ = found[k].leftover is None and found[fewer].probability < _LEADS * total
                 if open_ and likely > max(found[fewer].probability, _WORTH_IT * total):
                     # the search has simulated the variant that this hypothesis had to begin with

@@ -50,7 +50,7 @@ class Begun:
         return begun._doubting_conditions(baseline)
 
     def _doubting_conditions(self, baseline: Model) -> Self:
-        """The same without taking for granted what nobody read, where all readings are clearly likelier so.
+        """The same without taking for granted what nobody read, where all readings are clearly likelier so, or were.
 
         Efficiency alone knows no conditions: a voltage that is off does to it what large causes do that bend.
         """
@@ -60,7 +60,7 @@ class Begun:
         wider = replace(self.usable, known=known.doubting_conditions())
         doubting = type(self).in_noise(wider, baseline, self.noise, self.sight.bench.rivals)
         likelier = doubting.sight.looked.log_evidence > self.sight.looked.log_evidence + _OFF_NOMINAL
-        return doubting if likelier else self
+        return doubting if likelier or self.usable.observations.found else self
 
     @classmethod
     def in_noise(cls, usable: Usable, baseline: Model, noise: list[ChannelNoise], rivals: Leftovers) -> Self:

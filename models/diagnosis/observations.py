@@ -1,6 +1,6 @@
 """A campaign as one vector: every channel of every row, and what a model says of the same vector."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -78,7 +78,7 @@ class Observations:
     """M readings: ``channel`` (M,) indexes ``channels``, ``row`` (M,) the rows of ``frame``; ``value`` (M,).
 
     ``loaded`` are those rows of the frame that carry power. ``rated_W`` is the converter's power; ``processes`` share a
-    large simulation of them.
+    large simulation of them. ``found`` are conditions that nobody read, where readings have told what they were.
     """
 
     frame: pd.DataFrame
@@ -90,6 +90,7 @@ class Observations:
     value: Array
     rated_W: float
     processes: int = 1
+    found: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, name: str) -> NDArray[np.bool_]:
         """Mask (M,) of one channel's readings."""
@@ -138,6 +139,10 @@ class Observations:
             row=np.concatenate([self.row, others.row]),
             value=np.concatenate([self.value, others.value]),
         )
+
+    def where(self, found: Mapping[str, float], converter: Converter) -> Self:
+        """The same with conditions that nobody read at these values, by column, instead of nominal ones."""
+        return replace(self, points=points_of(self.frame.assign(**found), converter), found=dict(found))
 
     def mistrusting(self, columns: Iterable[str]) -> Self:
         """The same without what a threshold would go by of columns that cannot be what they are called."""

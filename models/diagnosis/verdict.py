@@ -37,6 +37,9 @@ _LIKELY = 0.5  # probability from which a leftover, or a threshold that is no ca
 _FAINT, _FAINT_BESIDE, _FAINT_GAIN = 5.0, 11.0, 11.0
 _LAWS_MISS = 2.0
 _POSSIBLE = 0.01  # probability from which what the design does not tell from a sure cause is stated beside it
+_EXCLUDED = math.log(
+    (1.0 - SURE) / SURE
+)  # in log likelihood: how far behind a sure cause readings exclude another one
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 
@@ -181,22 +184,45 @@ def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float
     return probability_of(h for h in hypotheses if not set(effects).isdisjoint(h.fit.effects))
 
 
+def _without(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> list[Hypothesis]:
+    """The hypotheses that hold a cause and none of a group."""
+    return [h for h in hypotheses if other.effect in h.fit.effects and set(group).isdisjoint(h.fit.effects)]
+
+
 def _instead(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> float:
     """Probability of a cause where none of a group is there."""
-    return probability_of(
-        h for h in hypotheses if other.effect in h.fit.effects and set(group).isdisjoint(h.fit.effects)
-    )
+    return probability_of(_without(hypotheses, other, group))
+
+
+def _log_told(fit: Fit) -> float:
+    """Log likelihood of a fit at its values, but for what all share: its evidence less what priors say of these."""
+    priors = (0.5 * (t.distance / t.head.prior) ** 2 + math.log(t.head.prior / t.sigma) for t in fit.terms)
+    return fit.log_evidence + sum(priors)
+
+
+def _readings_exclude(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> bool:
+    """Whether the readings alone, with as many causes at most, exclude a cause in the place of a group.
+
+    What priors alone make improbable is not told by the readings.
+    """
+    first = next(h.fit for h in hypotheses if not set(group).isdisjoint(h.fit.effects))
+    instead = (h.fit for h in _without(hypotheses, other, group) if len(h.fit.terms) <= len(first.terms))
+    return max(map(_log_told, instead), default=-math.inf) < _log_told(first) + _EXCLUDED
 
 
 def _tie_group(
     first: Cause, rivals: Sequence[Cause], hypotheses: Sequence[Hypothesis], whitener: Whitener
 ) -> tuple[str, ...]:
-    """A cause and the rivals that the design cannot tell from it, each that is possible; none below 95 % together."""
+    """A cause and the rivals that the design cannot tell from it, each that is possible; none below 95 % together.
+
+    Beside what is sure, only a rival that the readings themselves leave possible.
+    """
     group = [first.effect]
     for other in rivals:
-        least = _POSSIBLE if _any_of(hypotheses, group) >= SURE else _WORTH_A_WORD
+        sure = _any_of(hypotheses, group) >= SURE
         tied = isolability(first.shift, other.shift, whitener) < _TIED_BELOW
-        if tied and _instead(hypotheses, other, group) >= least:
+        possible = _instead(hypotheses, other, group) >= (_POSSIBLE if sure else _WORTH_A_WORD)
+        if tied and possible and not (sure and _readings_exclude(hypotheses, other, group)):
             group.append(other.effect)
     return tuple(group) if _any_of(hypotheses, group) >= SURE else ()
 

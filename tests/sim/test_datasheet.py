@@ -46,9 +46,10 @@ def test_the_clamp_diode_drops_its_datasheet_voltage(junction_C: float, drop_V: 
     assert threshold_V + 30 * resistance_Ohm == pytest.approx(drop_V, abs=0.02)
 
 
-def test_the_sic_channel_grows_by_its_datasheet_factor() -> None:
+@pytest.mark.parametrize(("junction_C", "factor"), [(125.0, 1.32), (175.0, 1.59)])
+def test_the_sic_channel_grows_by_its_datasheet_factors(junction_C: float, factor: float) -> None:
     on = load_switch("UF3C065030K4S").on
-    assert on.at(125.0)[1] / on.at(25.0)[1] == pytest.approx(1.32, abs=0.01)
+    assert on.at(junction_C)[1] / on.at(25.0)[1] == pytest.approx(factor, abs=0.005)  # two digits
 
 
 def test_an_unknown_part_names_those_there_are() -> None:

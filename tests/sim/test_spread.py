@@ -59,11 +59,11 @@ def test_every_toleranced_value_of_the_data_files_is_spread() -> None:
 
 def test_a_resistance_bends_by_as_much_as_its_device_states_or_any_does() -> None:
     plain = prototype()
-    (usual,) = (s for s in SPREADS if s.path == "secondary.switch.on.resistance_bend_per_K2")
+    (usual,) = (s for s in SPREADS if s.path == "primary.inner.on.resistance_bend_per_K2")
     assert (usual.sigma, usual.relative) == (1.5e-5, False)
-    own = plain.secondary.switch.tolerances | {"on.resistance_bend_per_K2": 0.3}
+    own = plain.primary.inner.tolerances | {"on.resistance_bend_per_K2": 0.3}
     stated = replace(
-        plain, secondary=replace(plain.secondary, switch=replace(plain.secondary.switch, tolerances=own))
+        plain, primary=replace(plain.primary, inner=replace(plain.primary.inner, tolerances=own))
     )
     (found,) = (s for s in everyday_spread(stated) if s.path == usual.path)
     assert (found.sigma, found.relative) == (0.3, True)

@@ -87,10 +87,12 @@ class PrimaryLegs(Protocol):
 
 
 def channel_Ohm(conduction: Conduction, junction_C: Array) -> Array:
-    """On-resistance with the bend of a SiC channel: a nominal die's is 1.32 at 125 and 1.59 at 175 degC."""
-    rise = junction_C - 25.0
-    bend = conduction.resistance_per_K / 0.0032
-    return np.asarray(conduction.resistance_Ohm * (1 + bend * (1.73e-3 * rise + 1.47e-5 * rise**2)))
+    """On-resistance of a channel: a parabola through 25 and 125 degC, as far off their line elsewhere as the die is."""
+    rise, curve = junction_C - 25.0, conduction.resistance_bend_per_K2
+    return np.asarray(
+        conduction.resistance_Ohm
+        * (1 + (conduction.resistance_per_K - 100.0 * curve) * rise + curve * rise**2)
+    )
 
 
 def bipolar_drop(conduction: Conduction, junction_C: Array) -> Drop:

@@ -142,12 +142,17 @@ def test_what_of_a_value_is_beyond_the_line_is_the_integral(name: str, value: fl
     assert share_beyond(term) == pytest.approx(share(value, sigma) / share(head.off, head.prior), rel=1e-3)
 
 
+@pytest.mark.parametrize("spread", [1.0, 0.5])
 @pytest.mark.parametrize(("name", "value", "sigma"), [v for v in VALUES if v[1] not in BEYOND])
-def test_the_evidence_of_a_value_as_a_part_is_the_integral(name: str, value: float, sigma: float) -> None:
+def test_the_evidence_of_a_value_as_a_part_is_the_integral(
+    name: str, value: float, sigma: float, spread: float
+) -> None:
+    """Parts whose spread is narrower than the tolerance have that spread, and the tolerance's line."""
     head = effect(name).headline
+    everyday = spread * head.tolerance
     if head.reciprocal:
         sigma *= 0.1  # so that what acts is straight over the value's uncertainty
-    signature = Signature(entry=effect(name), slope=SAME)
+    signature = Signature(entry=effect(name), slope=SAME, everyday=everyday)
     term = Term(signature=signature, value=value, sigma=sigma, slope=SAME)
     # what the readings alone say: the value, drawn to off by its prior, has been taken back
     alone = (sigma**-2 - head.prior**-2) ** -0.5
@@ -156,7 +161,7 @@ def test_the_evidence_of_a_value_as_a_part_is_the_integral(name: str, value: flo
     acting = head.off * (1 - head.off / grid) if head.reciprocal else grid - head.off
     slope = (head.off / grid) ** 2 if head.reciprocal else 1.0
     seen = density(grid - told, alone)
-    as_part = seen * density(acting, head.tolerance) * slope * (np.abs(acting) < EVERYDAY * head.tolerance)
+    as_part = seen * density(acting, everyday) * slope * (np.abs(acting) < EVERYDAY * head.tolerance)
     as_cause = seen * density(grid - head.off, head.prior)
     expected = np.sum(as_part) / np.sum(as_cause)
     # how far what acts is from straight over half a millihenry, five sigmas out in its tail

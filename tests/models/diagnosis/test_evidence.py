@@ -232,12 +232,11 @@ def test_what_counts_as_likely_as_a_larger_one_has_its_values(
     there = replace(auxiliary, sigma=vaguer * auxiliary.sigma), replace(link, sigma=0.1 * usual)
     both = replace(both, terms=there, shift=both.shift + astray_W * (np.arange(READINGS) == 7))
     found = _beyond_everyday(
-        bench,
+        BesideLeftovers.of(bench, [both, alone]),
         [
             Hypothesis(fit=fit, leftover=None, probability=p)
             for fit, p in ((both, 1.0 - probability), (alone, probability))
         ],
-        searched=[both, alone],
     )
     assert found[1].fit.terms[0].value == value
     np.testing.assert_allclose(found[1].fit.shift, value * FLAT, atol=1e-12)  # rounding
@@ -269,7 +268,7 @@ def test_nothing_has_what_a_part_does_where_it_was_simulated() -> None:
     fit = joint_fit({"link_resistance": GROWING}, 0.0 * FLAT, value=0.0).moved(np.array([usual]))
     part = replace(fit, terms=(replace(fit.terms[0], sigma=0.1 * usual),), shift=fit.shift + 0.3)
     hypotheses = as_likely_as(bench, part, Fit.nothing(READINGS))
-    bare = _beyond_everyday(bench, hypotheses, searched=[h.fit for h in hypotheses])[1]
+    bare = _beyond_everyday(BesideLeftovers.of(bench, [h.fit for h in hypotheses]), hypotheses)[1]
     np.testing.assert_allclose(bare.fit.shift, 0.3 * FLAT, atol=1e-12)  # rounding
     assert bare.fit.log_evidence == hypotheses[1].fit.log_evidence
     assert bare.probability > hypotheses[1].probability
@@ -287,9 +286,11 @@ def test_a_part_is_as_likely_as_simulated_with_a_parts_spread_and_no_doubt_of_a_
     fit = replace(fit_of("analyzer_gain", SLANTED.slope, value=0.0), shift=0.0 * FLAT).moved(
         np.array([4 * usual])
     )
-    fit = replace(fit, terms=(replace(fit.terms[0], sigma=bench.weighed(fit).sigma[0]),))
+    best = bench.weighed(fit)
+    fit = fit.moved(best.step)
+    fit = replace(fit, terms=(replace(fit.terms[0], sigma=best.sigma[0]),))
     hypotheses = as_likely_as(bench, fit, Fit.nothing(READINGS))
-    nothing = _beyond_everyday(bench, hypotheses, searched=[h.fit for h in hypotheses])[1]
+    nothing = _beyond_everyday(BesideLeftovers.of(bench, [h.fit for h in hypotheses]), hypotheses)[1]
     held = covariance_of(SIGMA, usual * SLANTED.slope[None])
     found, before = (
         multivariate_normal(cov=cov).logpdf(residual)
@@ -297,6 +298,24 @@ def test_a_part_is_as_likely_as_simulated_with_a_parts_spread_and_no_doubt_of_a_
     )
     gained = np.log(nothing.probability / hypotheses[1].probability)
     assert gained == pytest.approx(found - before, abs=0.02)  # its bounds and the line cut a hundredth of it
+
+
+def test_what_only_a_doubted_law_explains_is_no_evidence_for_a_part() -> None:
+    """Nothing leads and knows the part's spread: a cause whose law takes up a shape beside it tells it nothing."""
+    usual = SLANTED.entry.headline.tolerance
+    law = np.sign(np.sin(2.0 * np.arange(READINGS)))
+    known = replace(SLANTED, everyday=usual)
+    residual = 0.5 * usual * SLANTED.slope + 0.17 * law + noise(5)
+    bench = refinery(residual, [known], SIGMA, usual * SLANTED.slope[None], laws=[(known, law[None] / usual)])
+    bench = replace(bench, known=replace(bench.known, spread_names=("analyzer_gain",)))
+    fits = search(bench)
+    beside = BesideLeftovers.of(bench, fits)
+    before, after = (
+        {h.fit.effects: h.probability for h in reversed(found) if h.leftover is None}
+        for found in (beside.hypotheses(), _beyond_everyday(beside, beside.hypotheses()))
+    )
+    assert before[()] > 0.5 > before[("analyzer_gain",)] > 0.3
+    assert after[()] == before[()]
 
 
 def test_what_has_its_values_from_a_larger_one_in_another_variant_is_weighed_as_a_part_itself() -> None:
@@ -316,7 +335,7 @@ def test_what_has_its_values_from_a_larger_one_in_another_variant_is_weighed_as_
 
     fits = of((LINK, 4.0 * usual), (slower, creep)), of((slow, 2.0 * creep)), Fit.nothing(READINGS)
     hypotheses = as_likely_as(bench, *fits)
-    _, single, bare = _beyond_everyday(bench, hypotheses, searched=fits)
+    _, single, bare = _beyond_everyday(BesideLeftovers.of(bench, fits), hypotheses)
     assert single.fit.terms[0].signature.key == slower.key
     assert single.fit.terms[0].value == creep
     assert bare.probability > 10.0 * hypotheses[2].probability  # moved there

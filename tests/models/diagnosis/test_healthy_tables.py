@@ -49,12 +49,14 @@ def test_a_sensor_that_stuck_on_the_way_tells_nothing_from_then_on() -> None:
 WARM_C = 37.0
 
 
-def elsewhere(V1_V: float, ambient_C: float) -> pd.DataFrame:
-    """A healthy bench whose supply and room are not nominal, with both of them read."""
-    lab = Laboratory.draw(seed=140)
+def elsewhere(
+    V1_V: float, ambient_C: float, *, seed: int = 140, hidden: dict[str, float | None] | None = None
+) -> pd.DataFrame:
+    """A bench, healthy by default, whose supply and room are not nominal, with both of them read."""
+    lab = Laboratory.draw(seed=seed, hidden=hidden)
     lab = replace(lab, quirks=replace(lab.quirks, warmer_K=ambient_C - AMBIENT_C))
-    plan = replace(schedule(*set_points(60, seed=140)), supply_V=V1_V)
-    return survey(lab, plan, seed=140)
+    plan = replace(schedule(*set_points(60, seed=seed)), supply_V=V1_V)
+    return survey(lab, plan, seed=seed)
 
 
 def test_a_room_that_was_not_always_read_is_no_drift() -> None:
@@ -62,6 +64,21 @@ def test_a_room_that_was_not_always_read_is_no_drift() -> None:
     gaps = np.random.default_rng(141).random(len(frame)) < 0.15
     found = diagnose(load_measurements(frame.assign(T_ambient_C=frame["T_ambient_C"].mask(gaps))))
     assert found.verdict.kind == "consistent"
+
+
+@pytest.mark.parametrize(
+    ("V1_V", "seed", "hidden"), [(310.0, 1, {}), (295.0, 12, {"magnetizing_inductance": 0.004})]
+)
+def test_a_supply_that_nobody_read_is_simulated_where_it_was(
+    V1_V: float, seed: int, hidden: dict[str, float | None]
+) -> None:
+    """Over so many volts readings are no straight lines."""
+    frame = elsewhere(V1_V, 25.0, seed=seed, hidden=hidden)
+    found = diagnose(load_measurements(frame.drop(columns=["V1_V", "I1_A"])))
+    assert found.verdict.stated == tuple(hidden)
+    assert found.verdict.kind == ("named" if hidden else "consistent")
+    (supply,) = found.conditions
+    assert supply.value == pytest.approx(frame["V1_V"].median(), abs=0.5)  # V, of 5 and 10 that it is off
 
 
 def test_a_supply_that_nobody_read_may_be_a_per_cent_off(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -105,6 +105,25 @@ def test_a_sure_cause_is_stated_with_what_could_be_there_instead(instead: float,
     assert (verdict.kind, verdict.stated) == (kind, ("auxiliary_power",))
 
 
+@pytest.mark.parametrize(
+    ("behind", "sigma", "kind"), [(2.5, 0.1, "group"), (3.5, 0.1, "named"), (3.5, 0.01, "group")]
+)
+def test_what_readings_exclude_is_not_stated_beside_a_sure_cause(
+    behind: float, sigma: float, kind: str
+) -> None:
+    """Evidence behind for what priors say of a value, ln 10 for one known ten times as well, is no reading's."""
+
+    def known(effect: str, evidence: float, share: float) -> Fit:
+        (term,) = joint_fit({effect: ALONG}, ALONG).terms
+        term = replace(term, value=term.head.prior, sigma=share * term.head.prior)
+        return Fit(terms=(term,), shift=ALONG, log_evidence=evidence)
+
+    here, there = known("cable_resistance_input", 0.0, 0.1), known("cable_resistance_output", -behind, sigma)
+    cases = ((here, 0.97), (there, 0.03))
+    verdict = judge([Hypothesis(fit=fit, leftover=None, probability=p) for fit, p in cases], WHITENER)
+    assert (verdict.kind, verdict.stated) == (kind, ("cable_resistance_input",))
+
+
 def test_what_is_there_beside_a_sure_cause_is_not_there_instead() -> None:
     verdict = judged(
         ("auxiliary_power + analyzer_offset", ALONG, 0.0, 0.1), ("auxiliary_power", ALONG, 0.0, 0.9)

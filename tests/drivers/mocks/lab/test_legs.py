@@ -8,6 +8,7 @@ import pytest
 
 from bench.model_file import read_model
 from drivers.mocks.lab.laboratory import Electrical, Laboratory
+from drivers.mocks.lab.legs import channel_Ohm
 from sim.model import Model
 from sim.simulate import Points, simulate
 from tests.drivers.mocks.lab.laboratories import nominal
@@ -17,6 +18,15 @@ D1, D2, POWER_W = np.array([0.8, 0.7]), np.array([0.15, 0.3]), np.array([400.0, 
 
 def settled(lab: Laboratory) -> Electrical:
     return lab.settled(D1, D2, POWER_W, np.full(2, 300.0), np.zeros(2))[0]
+
+
+def test_a_channel_bends_as_its_die_was_drawn() -> None:
+    """A parabola through what two temperatures and the die's bend say, against its three points."""
+    on = nominal().converter.secondary.switch.on
+    at_C, ohm = np.array([25.0, 125.0, 175.0]), on.resistance_Ohm
+    np.testing.assert_allclose(channel_Ohm(on, at_C) / ohm, [1.0, 1.32, 1.59], atol=0.005)  # two digits
+    drawn = replace(on, resistance_bend_per_K2=2.0 * on.resistance_bend_per_K2)
+    np.testing.assert_allclose(channel_Ohm(drawn, at_C) / ohm, [1.0, 1.32, 1.70], atol=0.005)
 
 
 def test_clamp_diodes_rest_where_legs_are_shifted() -> None:
