@@ -145,7 +145,7 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) ->
         variants=tuple(_moved(variant, off) for variant in _variants(refinery, fit)),
         leftover=leftover,
         V1_V=float(np.median(np.asarray(p.V1_V))),
-        V2_V=float(np.median(np.asarray(p.V2_V)[observations.loaded])),
+        V2_V=float(np.median(model.set_points(p).V2_V[observations.loaded])),  # type: ignore[index]
         ambient_C=float(np.median(np.asarray(p.ambient_C))),
         time_s=float(time_s.max()),
     )

@@ -69,7 +69,7 @@ class Model:
         points = points.with_voltages_of(self.converter)
         for entry, values in self._entries():
             points = entry.set_points(points, values)
-        return points
+        return points.behind(self.altered_converter().output_cable_Ohm) if np.any(points.held) else points
 
     def added_loss_W(self, points: Points, state: Mapping[str, Array]) -> Array:
         """Losses at the input that effects add to what the circuit has, (N,)."""

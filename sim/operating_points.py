@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 SEEN = ("seen_heatsink_C", "seen_I1_A")
 VOLTAGES = ("V1_V", "V2_V")
+_FLAGS = ("pwm", "held")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +22,9 @@ class Points:
     """N operating points; every field is an array (N,) or a float for all.
 
     ``power_W`` is demanded at the output terminals, negative where they feed back. Voltages that are not given (NaN)
-    are the nominal ones of the converter that runs there. ``pwm`` false is standby (supply on, bridges off).
+    are the nominal ones of the converter that runs there. ``V2_V`` is that of the output terminals, as an analyzer
+    reads it; where ``held`` it is what the converter holds in front of its output cable, and so is a nominal one.
+    ``pwm`` false is standby (supply on, bridges off).
     ``time_s`` counts from the campaign's start; ``range_I1_A`` is the analyzer's input current range (0 where not
     known). ``seen_heatsink_C`` and ``seen_I1_A`` are what a bench read at the point, NaN where it did not: what has
     a threshold goes by them.
@@ -38,11 +41,12 @@ class Points:
     seen_heatsink_C: Quantity = np.nan
     seen_I1_A: Quantity = np.nan
     pwm: Quantity | NDArray[np.bool_] = True
+    held: Quantity | NDArray[np.bool_] = False
 
     def __post_init__(self) -> None:
         arrays = np.broadcast_arrays(*(np.atleast_1d(getattr(self, f.name)) for f in fields(self)))
         for field, array in zip(fields(self), arrays, strict=True):
-            kind = bool if field.name == "pwm" else float
+            kind = bool if field.name in _FLAGS else float
             object.__setattr__(self, field.name, np.array(array, dtype=kind))
         for field in fields(self):
             values = getattr(self, field.name)
@@ -82,7 +86,18 @@ class Points:
                 name: np.where(missing, getattr(converter, name), getattr(self, name))
                 for name, missing in open_.items()
             },
+            held=self.held | open_["V2_V"],
         )
+
+    def behind(self, cable_Ohm: Quantity) -> Self:
+        """The same points with the voltage of the output terminals, behind a cable, where it is held in front of it.
+
+        >>> at = Points(D1=0.9, D2=0.1, power_W=1390.0, V2_V=140.0, held=True)
+        >>> at.behind(0.1).V2_V.tolist()  # 10 A
+        [139.0]
+        """
+        root = np.sqrt(np.maximum(self.V2_V**2 - 4.0 * cable_Ohm * self.power_W, 0.0))
+        return replace(self, V2_V=np.where(self.held, 0.5 * (self.V2_V + root), self.V2_V), held=False)
 
     @classmethod
     def join(cls, parts: "list[Points]") -> "Points":

@@ -210,6 +210,7 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
         seen_heatsink_C=np.where(np.isfinite(heatsink_C), heatsink_C, np.nan),
         seen_I1_A=np.where(np.isfinite(I1), I1, np.nan),
         pwm=~standby,
+        held="V2_V" in _unread(frame),
     )
 
 

@@ -47,6 +47,22 @@ def test_voltages_that_are_not_given_are_those_of_the_converter_that_runs() -> N
     assert not can_run(Model.baseline(), most).any()
 
 
+def test_a_nominal_output_voltage_is_held_in_front_of_the_cable() -> None:
+    """Inside, all is as without a cable that loses as much power: the terminals have less by what it drops."""
+    cable_Ohm, power_W = 0.05, np.array([500.0, 1500.0])
+    model = Model.baseline().with_effect("cable_resistance_output", resistance_Ohm=cable_Ohm)
+    implied = simulate(model, Points(D1=0.9, D2=0.1, power_W=power_W))
+    terminals_V = Points(D1=0.9, D2=0.1, power_W=power_W, V2_V=140.0, held=True).behind(cable_Ohm).V2_V
+    current_A = power_W / terminals_V
+    np.testing.assert_allclose(terminals_V + cable_Ohm * current_A, 140.0, rtol=1e-12)  # rounding
+    plain = simulate(Model.baseline(), Points(D1=0.9, D2=0.1, power_W=power_W + cable_Ohm * current_A**2))
+    # the power's tolerance of 2e-7
+    np.testing.assert_allclose(implied["P1_W"], plain["P1_W"], rtol=1e-6)
+    np.testing.assert_allclose(implied["P2_W"], power_W, rtol=1e-6)
+    read = simulate(model, Points(D1=0.9, D2=0.1, power_W=power_W, V2_V=terminals_V))
+    np.testing.assert_allclose(implied["P1_W"], read["P1_W"], rtol=1e-6)
+
+
 def test_what_nobody_read_is_no_number_and_everything_else_is_one() -> None:
     points = Points(D1=[0.9, 0.8], D2=0.1, power_W=500.0, seen_heatsink_C=[41.0, np.nan])
     np.testing.assert_array_equal(np.isnan(points.seen_heatsink_C), [False, True])

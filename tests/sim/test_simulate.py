@@ -103,8 +103,8 @@ def headline(name: str) -> str:
     return {"sic_on_resistance": "relative_error"}.get(name, "resistance_Ohm")
 
 
-def test_the_cable_raises_the_voltage_at_the_bridge() -> None:
-    points = some_points()
+def test_the_cable_raises_the_voltage_at_the_bridge_over_what_the_analyzer_reads() -> None:
+    points = replace(some_points(), V2_V=140.0)
     with_cable = simulate(Model.baseline().with_effect("cable_resistance_output", resistance_Ohm=0.3), points)
     I2 = np.asarray(points.power_W) / 140.0
     raised = replace(points, V2_V=140.0 + 0.3 * I2, power_W=points.power_W + 0.3 * I2**2)

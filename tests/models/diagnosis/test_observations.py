@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from models.diagnosis.observations import points_of, taken_for_granted
 from sim.prototype import prototype
@@ -44,6 +45,12 @@ def test_a_column_without_any_value_is_taken_as_nominal() -> None:
     assert set(np.asarray(points.ambient_C)) == {25.0}
     assert set(np.asarray(points.V1_V)) == {CONVERTER.V1_V}
     assert set(np.asarray(points.time_s)) == {0.0}
+
+
+@pytest.mark.parametrize("read", [True, False])
+def test_an_output_voltage_that_nobody_read_is_the_converters_own(read: bool) -> None:
+    frame = FRAME.assign(V2_V=139.5 if read else np.nan)
+    assert set(np.asarray(points_of(frame, CONVERTER).held)) == {not read}
 
 
 def test_duty_ratios_that_may_be_rounded_are_said_and_a_plans_grid_is_not() -> None:
