@@ -113,6 +113,7 @@ class AnalyzerOffset(Effect):
 
 
 _RANGE_A = 5.0  # of the input's current at the prototype
+_SHOWN_ABOVE = 2.0  # prior scales of a step: how far above a boundary the lower range may show a current
 
 
 @cache
@@ -134,19 +135,27 @@ class AnalyzerRangeStep(Effect):
         return replace(sized, parameters=(step, replace(boundary, scan=_ranges_about(boundary.off))))
 
     def observe(self, points: Points, truth: dict[str, Array], values: Values) -> dict[str, Array]:
-        """Input power scaled where the current is below the boundary between the ranges."""
-        step = self.value(values)
+        """Input power scaled where the current is below the boundary between the ranges.
+
+        A current that was read there has the step in it.
+        """
+        step, seen = self.value(values), points.seen_I1_A
         if step == 0.0:
             return truth
-        low = _read(points.seen_I1_A, truth["I1_A"]) < self.value(values, "boundary_A")
+        shown = np.where(np.isnan(seen), 1.0, max(1.0 + step, 1.0))
+        low = _read(seen, truth["I1_A"]) < shown * self.value(values, "boundary_A")
         return _show_input(points, truth, truth["P1_W"] * np.where(low, 1.0 + step, 1.0))
 
     def undecided(
         self, points: Points, state: Mapping[str, Array], sigma: Mapping[str, Array], values: Values
     ) -> Array:
-        """Where the input current is about the boundary."""
+        """Where the input current is about the boundary, or was read as far above as the lower range may show it."""
         seen, name = points.seen_I1_A, "I1_A"
-        return self.near("boundary_A", _read(seen, state[name]), _unsure(seen, sigma[name]), values)
+        boundary_A = self.value(values, "boundary_A")
+        above = np.where(np.isnan(seen), 0.0, _SHOWN_ABOVE * self.headline.prior * boundary_A)
+        read = _read(seen, state[name])
+        nearer = np.where(read > boundary_A, np.maximum(read - above, boundary_A), read)
+        return self.near("boundary_A", nearer, _unsure(seen, sigma[name]), values)
 
 
 def _one(name: str, unit: str, tolerance: float, prior: float, lower: float, upper: float) -> EffectParameter:

@@ -174,3 +174,15 @@ def test_losses_that_fall_while_warming_up_ask_for_the_instrument_first() -> Non
 def test_an_inductance_that_is_off_asks_for_the_switching_frequency_first() -> None:
     said = effect("leakage_inductance").check_at(0.2)
     assert said.startswith("make sure that the bench switched at the model's frequency")
+
+
+def test_a_current_that_the_lower_range_shows_has_the_step_in_it() -> None:
+    entry, seen_A = effect("analyzer_range_step"), np.array([4.99, 5.02, 5.04, 5.07])
+    points = Points(D1=0.9, D2=0.1, power_W=1450.0, seen_I1_A=seen_A)
+    truth = {"P1_W": 300.0 * seen_A, "I1_A": seen_A, "P2_W": np.full(4, 1450.0), "efficiency": np.ones(4)}
+    for step, low in ((0.006, [1, 1, 0, 0]), (-0.006, [1, 0, 0, 0])):  # 5 A is shown as 5.03 A
+        shown = entry.observe(points, truth, {"relative_step": step, "boundary_A": 5.0})["P1_W"]
+        np.testing.assert_allclose(shown / truth["P1_W"], 1.0 + step * np.array(low), rtol=1e-12)
+    state, sigma = {"I1_A": seen_A}, {"I1_A": np.zeros(4)}
+    # as far above as two prior scales of a step show it, and the boundary's own tolerance: 5.06 A
+    np.testing.assert_array_equal(entry.undecided(points, state, sigma, {}) > 0.5, [True, True, True, False])
