@@ -23,7 +23,7 @@ from models.diagnosis.found import find
 from models.diagnosis.gain import Gain, Worth
 from models.diagnosis.gap import Added, gap
 from models.diagnosis.hypotheses import Fit
-from models.diagnosis.judged import judged_of
+from models.diagnosis.judged import Judged, judged_of
 from models.diagnosis.left_out import not_usable, outliers, rows_left_out
 from models.diagnosis.next_measurement import (
     MOST_STEPS,
@@ -38,7 +38,7 @@ from models.diagnosis.race import NextMeasurement, Rival
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.sight import Sight, sight
 from models.diagnosis.unexplained import Unexplained
-from models.diagnosis.usable import check_table, usable_readings
+from models.diagnosis.usable import Usable, check_table, usable_readings
 from models.diagnosis.verdict import BY_CHANCE, Cause, Verdict
 from sim.effects.catalogue import CATALOGUE, left_out
 from sim.model import Model
@@ -272,14 +272,16 @@ def _diagnosed(
 ) -> Diagnosis:
     whole = observe(measurements.frame, baseline.converter, processes)
     check_table(whole, measurements, baseline)
+
+    def judge(table: Observations) -> tuple[Usable, Judged]:
+        usable = usable_readings(table, baseline, unknown, measurements.rows)
+        return usable, judged_of(find(usable, baseline, progress), seed, progress)
+
     progress(f"simulating {len(CATALOGUE) - len(unknown)} effects at {len(whole.frame)} points")
-    first = usable_readings(whole, baseline, unknown, measurements.rows)
-    judged = judged_of(find(first, baseline, progress), seed, progress)
+    first, judged = judge(whole)
     if found := elsewhere(unread_conditions(judged.setting.refinery, judged.leading.fit)):
         progress(f"simulating once more, at what readings tell of {', '.join(found)}")
-        whole = whole.where(found, baseline.converter)
-        first = usable_readings(whole, baseline, unknown, measurements.rows)
-        judged = judged_of(find(first, baseline, progress), seed, progress)
+        first, judged = judge(whole.where(found, baseline.converter))
     begun, setting, hypotheses = judged.begun, judged.setting, judged.hypotheses
     usable, observations, refinery = begun.usable, begun.usable.observations, setting.refinery
     verdict, worth, nameless = judged.verdict, judged.worth, judged.nameless

@@ -142,7 +142,8 @@ class Observations:
 
     def where(self, found: Mapping[str, float], converter: Converter) -> Self:
         """The same with conditions that nobody read at these values, by column, instead of nominal ones."""
-        return replace(self, points=points_of(self.frame.assign(**found), converter), found=dict(found))
+        points = replace(points_of(self.frame.assign(**found), converter), held=self.points.held)
+        return replace(self, points=points, found=dict(found))
 
     def mistrusting(self, columns: Iterable[str]) -> Self:
         """The same without what a threshold would go by of columns that cannot be what they are called."""

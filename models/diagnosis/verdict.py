@@ -37,9 +37,8 @@ _LIKELY = 0.5  # probability from which a leftover, or a threshold that is no ca
 _FAINT, _FAINT_BESIDE, _FAINT_GAIN = 5.0, 11.0, 11.0
 _LAWS_MISS = 2.0
 _POSSIBLE = 0.01  # probability from which what the design does not tell from a sure cause is stated beside it
-_EXCLUDED = math.log(
-    (1.0 - SURE) / SURE
-)  # in log likelihood: how far behind a sure cause readings exclude another one
+# in log likelihood: how far behind a sure cause readings exclude another one
+_EXCLUDED = math.log((1.0 - SURE) / SURE)
 _WORTH_A_WORD = 1e-3  # of probability: below it a cause is not listed
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from models.diagnosis.observations import points_of, taken_for_granted
+from models.diagnosis.observations import observe, points_of, taken_for_granted
 from sim.prototype import prototype
 
 CONVERTER = prototype()
@@ -51,6 +51,13 @@ def test_a_column_without_any_value_is_taken_as_nominal() -> None:
 def test_an_output_voltage_that_nobody_read_is_the_converters_own(read: bool) -> None:
     frame = FRAME.assign(V2_V=139.5 if read else np.nan)
     assert set(np.asarray(points_of(frame, CONVERTER).held)) == {not read}
+
+
+def test_a_condition_that_readings_have_told_is_as_little_read_as_before() -> None:
+    there = observe(FRAME.assign(V2_V=np.nan), CONVERTER).where({"V2_V": 138.0}, CONVERTER)
+    assert set(np.asarray(there.points.V2_V)[there.loaded]) == {138.0}
+    assert np.all(there.points.held)
+    assert "V2_V" in there.unread
 
 
 def test_duty_ratios_that_may_be_rounded_are_said_and_a_plans_grid_is_not() -> None:
