@@ -7,9 +7,11 @@ in the copy. Then, and for a single part, all is done here, one part after the o
 What a part would share itself is done where that part is: all processes are busy.
 
 A program that computes in parts again and again keeps its forks (:func:`kept`): after a fork both sides copy every page
-that they write to, each time anew. A fork that is kept knows nothing of what came later, so its parts are pickled too.
+that they write to, each time anew. A fork that is kept knows nothing of what came later, so its parts are pickled too. Meanwhile what was
+there before is no business of the garbage collector, which else reads and marks it all again and again, on both sides.
 """
 
+import gc
 import multiprocessing
 import signal
 import threading
@@ -137,11 +139,15 @@ def kept(processes: int) -> Iterator[None]:
     if processes < 2 or _kept or not can_fork():
         yield
         return
+    frozen_before = gc.get_freeze_count() > 0
+    gc.freeze()
     try:
         _kept.extend(_Fork.of(_serve) for _ in range(processes - 1))
         yield
     finally:
         _end_kept()
+        if not frozen_before:
+            gc.unfreeze()
 
 
 def _here(work: Callable[[P], R], part: P) -> R:

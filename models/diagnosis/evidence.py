@@ -75,24 +75,35 @@ class BesideLeftovers:
             found.append((inner * np.outer(scale, scale), log_det))
         return replace(self, refinery=other, products=found)
 
-    def with_exact_law(self, hypothesis: Hypothesis, term: Term) -> tuple[float, Term]:
-        """Log evidence that a hypothesis gains where one of its causes has an exact law, and that one's value then."""
-        k = next(k for k, fit in enumerate(self.fits) if fit.key == hypothesis.fit.key)
-        fit, c = self.fits[k], _with_none(self.refinery).index(hypothesis.leftover)
-        inner, log_det = (part[c : c + 1] for part in self.products[k])
-        laws = ((t, self.refinery.laws.directions(t.signature, t.distance)) for t in fit.terms)
-        columns = [
-            np.full(len(law.vectors), float(t.effect != term.effect)) for t, law in laws if law is not None
-        ]
-        kept = np.concatenate([np.ones(len(fit.terms) + 1), *columns])
-        if np.all(kept):
-            return 0.0, term
-        feared, exact = evidence_of([fit, fit], [(inner, log_det), (inner * np.outer(kept, kept), log_det)])
-        gained = exact.log_evidence - feared.log_evidence if c == 0 else exact.promised - feared.promised
-        place = fit.effects.index(term.effect)
-        step = float(exact.step[0, place] - feared.step[0, place])
-        known = float(exact.sigma[0, place] / feared.sigma[0, place])
-        return float(gained[0]), term.moved(step, sigma=known * term.sigma)
+    def with_exact_laws(self, asked: Sequence[tuple[Hypothesis, Term]]) -> list[tuple[float, Term]]:
+        """Log evidence that hypotheses gain where one of their causes has an exact law, and that one's value then."""
+        place = {fit.key: k for k, fit in enumerate(self.fits)}
+        column = {_key(leftover): c for c, leftover in enumerate(_with_none(self.refinery))}
+        fits, products = list[Fit](), list[tuple[Array, Array]]()
+        for hypothesis, term in asked:
+            k, c = place[hypothesis.fit.key], column[_key(hypothesis.leftover)]
+            inner, log_det = (part[c : c + 1] for part in self.products[k])
+            laws = (
+                (t.effect, self.refinery.laws.directions(t.signature, t.distance)) for t in self.fits[k].terms
+            )
+            doubted = [
+                np.full(len(law.vectors), float(name != term.effect)) for name, law in laws if law is not None
+            ]
+            kept = np.concatenate([np.ones(len(self.fits[k].terms) + 1), *doubted])
+            fits += [self.fits[k], self.fits[k]]
+            products += [(inner, log_det), (inner * np.outer(kept, kept), log_det)]
+        weighed, found = evidence_of(fits, products), list[tuple[float, Term]]()
+        for (hypothesis, term), fit, feared, exact in zip(
+            asked, fits[::2], weighed[::2], weighed[1::2], strict=True
+        ):
+            before, after = (
+                w.log_evidence if hypothesis.leftover is None else w.promised for w in (feared, exact)
+            )
+            at = fit.effects.index(term.effect)
+            step, known = (exact.step - feared.step)[0, at], (exact.sigma / feared.sigma)[0, at]
+            alone = term.moved(float(step), sigma=float(known) * term.sigma)
+            found.append((float(after[0] - before[0]), alone))
+        return found
 
     def hypotheses(self) -> list[Hypothesis]:
         """Fits without and with every leftover, the values beside a leftover fitted again, the most probable first.
@@ -176,30 +187,38 @@ def _beyond_everyday(beside: BesideLeftovers, hypotheses: Sequence[Hypothesis]) 
     refinery, before = beside.refinery, {fit.key: fit for fit in beside.fits}
     for k, h in enumerate(hypotheses):
         places.setdefault(_name(h.fit.effects, h.leftover), k)
-    for k in sorted(range(len(found)), key=lambda k: -len(found[k].fit.terms)):
-        fit, whole, beyond = found[k].fit, found[k].probability, found[k].probability
-        for term in fit.terms if whole > _WORTH_A_LOOK else ():
-            beyond *= share_beyond(term)
-            others = fit.without(term.effect)
-            fewer = places.get(_name(others.effects, found[k].leftover))
-            if fewer is not None:
-                prior = refinery.log_prior(others) - refinery.log_prior(fit)
-                one_of = math.log(len(term.signature.entry.variants()))
-                exact, alone = beside.with_exact_law(hypotheses[k], term)
-                likely = whole * math.exp(min(prior - one_of + exact + log_as_part(alone), _LARGEST))
-                open_ = found[k].leftover is None and found[fewer].probability < _LEADS * total
-                if open_ and likely > max(found[fewer].probability, _WORTH_IT * total):
-                    # the search has simulated the variant that this hypothesis had to begin with
-                    gained = _log_gained_as_part(
-                        refinery, before[hypotheses[k].fit.key], term, hypotheses[fewer].fit
-                    )
-                    likely = hypotheses[fewer].probability * math.exp(min(gained - one_of, _LARGEST))
-                if likely > found[fewer].probability:
-                    own, tells = found[fewer].fit, found[fewer].probability > _WORTH_A_LOOK * total
-                    worse = (tells and _is_vaguer(others, own)) or _leaves_more(refinery, others, own)
-                    there = own if worse else replace(others, log_evidence=own.log_evidence)
-                    found[fewer] = replace(found[fewer], fit=there, probability=likely)
-        found[k] = replace(found[k], probability=beyond)
+    for size in sorted({len(h.fit.terms) for h in hypotheses}, reverse=True):
+        asked = [k for k, h in enumerate(found) if len(h.fit.terms) == size and h.probability > _WORTH_A_LOOK]
+        less = [
+            (k, term, fewer)
+            for k in asked
+            for term in found[k].fit.terms
+            if (fewer := places.get(_name(found[k].fit.without(term.effect).effects, found[k].leftover)))
+            is not None
+        ]
+        exact_laws = beside.with_exact_laws([(hypotheses[k], term) for k, term, _ in less])
+        for (k, term, fewer), (exact, alone) in zip(less, exact_laws, strict=True):
+            fit, others = found[k].fit, found[k].fit.without(term.effect)
+            prior = refinery.log_prior(others) - refinery.log_prior(fit)
+            one_of = math.log(len(term.signature.entry.variants()))
+            likely = found[k].probability * math.exp(
+                min(prior - one_of + exact + log_as_part(alone), _LARGEST)
+            )
+            open_ = found[k].leftover is None and found[fewer].probability < _LEADS * total
+            if open_ and likely > max(found[fewer].probability, _WORTH_IT * total):
+                # the search has simulated the variant that this hypothesis had to begin with
+                gained = _log_gained_as_part(
+                    refinery, before[hypotheses[k].fit.key], term, hypotheses[fewer].fit
+                )
+                likely = hypotheses[fewer].probability * math.exp(min(gained - one_of, _LARGEST))
+            if likely > found[fewer].probability:
+                own, tells = found[fewer].fit, found[fewer].probability > _WORTH_A_LOOK * total
+                worse = (tells and _is_vaguer(others, own)) or _leaves_more(refinery, others, own)
+                there = own if worse else replace(others, log_evidence=own.log_evidence)
+                found[fewer] = replace(found[fewer], fit=there, probability=likely)
+        for k in asked:
+            beyond = found[k].probability * math.prod(share_beyond(t) for t in found[k].fit.terms)
+            found[k] = replace(found[k], probability=beyond)
     return found
 
 
@@ -229,7 +248,11 @@ def _leaves_more(refinery: Refinery, fit: Fit, than: Fit) -> bool:
 
 
 def _name(effects: Sequence[str], leftover: Leftover | None) -> tuple[object, ...]:
-    return tuple(effects), None if leftover is None else leftover.key
+    return tuple(effects), _key(leftover)
+
+
+def _key(leftover: Leftover | None) -> tuple[str, float] | None:
+    return None if leftover is None else leftover.key
 
 
 def _of_their_own(
