@@ -7,8 +7,9 @@ in the copy. Then, and for a single part, all is done here, one part after the o
 What a part would share itself is done where that part is: all processes are busy.
 
 A program that computes in parts again and again keeps its forks (:func:`kept`): after a fork both sides copy every page
-that they write to, each time anew. A fork that is kept knows nothing of what came later, so its parts are pickled too. Meanwhile what was
-there before is no business of the garbage collector, which else reads and marks it all again and again, on both sides.
+that they write to, each time anew. A fork that is kept knows nothing of what came later, so its parts are pickled too.
+Meanwhile the garbage collector leaves alone what was there before: it would read and mark it again and again, on both
+sides.
 """
 
 import gc

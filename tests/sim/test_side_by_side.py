@@ -85,6 +85,22 @@ print(multiprocessing.active_children())
     assert fresh(program).splitlines() == ["[1, 2, 3] True 3", "[]"]
 
 
+def test_garbage_is_looked_for_in_what_is_new_while_forks_are_kept() -> None:
+    """And everywhere again afterwards, but for what the program itself had put aside."""
+    program = """
+import gc
+from sim.side_by_side import kept
+def aside(processes):
+    with kept(processes):
+        inside = gc.get_freeze_count()
+    return inside > 1000, gc.get_freeze_count() > 1000
+print(aside(1), aside(2))
+gc.freeze()
+print(aside(2))
+"""
+    assert fresh(program).splitlines() == ["(False, False) (True, False)", "(True, True)"]
+
+
 def test_an_error_leaves_no_answer_behind() -> None:
     program = """
 from sim.side_by_side import kept
