@@ -105,24 +105,30 @@ class BesideLeftovers:
             found.append((float(after[0] - before[0]), alone))
         return found
 
+    def log_weights(self) -> tuple[Array, list[WeighedBeside]]:
+        """Log evidence and log prior (F, L) of every fit beside every leftover, and what they were weighed from."""
+        refinery, leftovers = self.refinery, _with_none(self.refinery)
+        shares = [_log_share(leftover, refinery.geometry.leftovers.shared_by) for leftover in leftovers]
+        log, weighed = np.empty((len(self.fits), len(leftovers))), evidence_of(self.fits, self.products)
+        for k, (fit, beside) in enumerate(zip(self.fits, weighed, strict=True)):
+            log[k] = refinery.log_prior(fit)
+            log[k] += shares
+            log[k, 0] += beside.log_evidence[0]
+            log[k, 1:] += beside.promised[1:]
+        return log, weighed
+
     def hypotheses(self) -> list[Hypothesis]:
         """Fits without and with every leftover, the values beside a leftover fitted again, the most probable first.
 
         Of each fit, what has no probability worth a word is left out, but for itself alone and beside its best
         leftover.
         """
-        refinery, fits, leftovers = self.refinery, self.fits, _with_none(self.refinery)
-        shares = [_log_share(leftover, refinery.geometry.leftovers.shared_by) for leftover in leftovers]
-        log, weighed = np.empty((len(fits), len(leftovers))), evidence_of(fits, self.products)
-        for k, (fit, beside) in enumerate(zip(fits, weighed, strict=True)):
-            log[k] = refinery.log_prior(fit)
-            log[k] += shares
-            log[k, 0] += beside.log_evidence[0]
-            log[k, 1:] += beside.promised[1:]
+        fits, leftovers = self.fits, _with_none(self.refinery)
+        log, weighed = self.log_weights()
         probability = np.exp(log - np.logaddexp.reduce(log, axis=None))
         counts = (probability > NEGLIGIBLE) | (log == log.max(axis=1, keepdims=True))
         counts[:, 0] = True  # without leftover
-        weighed = _of_their_own(refinery, fits, weighed, counts)
+        weighed = _of_their_own(self.refinery, fits, weighed, counts)
         settled = [_settled(*each) for each in zip(fits, weighed, counts, strict=True)]
         order = [divmod(int(k), len(leftovers)) for k in np.argsort(-probability, axis=None)]
         return [
@@ -148,9 +154,10 @@ def with_laws_as_read(beside: BesideLeftovers) -> BesideLeftovers:
         sorted(range(len(fits)), key=lambda k: -refinery.log_probability(fits[k]))[:_LEADING]
     )
     narrower = leading.doubting(_NARROWER)
-    feared, tried = (each.hypotheses() for each in (leading, narrower))
-    better = log_total(tried, narrower.refinery) > log_total(feared, refinery)
-    as_simple = tried[0].leftover is None and len(tried[0].fit.terms) <= len(feared[0].fit.terms)
+    (feared, _), (tried, _) = leading.log_weights(), narrower.log_weights()
+    better = np.logaddexp.reduce(tried, axis=None) > np.logaddexp.reduce(feared, axis=None)
+    (before, _), (first, leftover) = (divmod(int(np.argmax(log)), log.shape[1]) for log in (feared, tried))
+    as_simple = leftover == 0 and len(leading.fits[first].terms) <= len(leading.fits[before].terms)
     return beside.doubting(_NARROWER) if better and as_simple else beside
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.diagnosis.evidence import BesideLeftovers, Hypothesis, posterior, with_laws_as_read
+from models.diagnosis.evidence import BesideLeftovers, posterior, with_laws_as_read
 from models.diagnosis.extension import interval
 from models.diagnosis.geometry import Geometry
-from models.diagnosis.hypotheses import Fit
+from models.diagnosis.hypotheses import Fit, WeighedBeside
 from models.diagnosis.law import Laws, law_columns, law_maps
 from models.diagnosis.leftover import Leftovers
 from models.diagnosis.refinery import Refinery
@@ -129,16 +129,16 @@ def test_where_it_takes_a_cause_more_no_law_is_doubted_less(
 ) -> None:
     there = bench(WRONG, 0.05)
     slopes = {"link_resistance": GROWING, "auxiliary_power": np.ones(READINGS)}
+    fits = [joint_fit(dict(list(slopes.items())[:causes]), 0.1 * GROWING) for causes in (1, 2)]
 
-    def made_up(beside: BesideLeftovers) -> list[Hypothesis]:
+    def made_up(beside: BesideLeftovers) -> tuple[np.ndarray, list[WeighedBeside]]:
         """Ten in log evidence better with laws doubted less, by so many causes then."""
         less = beside.refinery.laws.share < 1.0
-        fit = joint_fit(dict(list(slopes.items())[: then if less else 1]), 0.1 * GROWING)
-        evidence = 10.0 if less else 0.0
-        return [Hypothesis(fit=replace(fit, log_evidence=evidence), leftover=None, probability=1.0)]
+        best = [len(fit.terms) == (then if less else 1) for fit in beside.fits]
+        return np.where(best, 10.0 if less else 0.0, -np.inf)[:, None], []
 
-    monkeypatch.setattr(BesideLeftovers, "hypotheses", made_up)
-    assert with_laws_as_read(BesideLeftovers.of(there, search(there))).refinery.laws.share == share
+    monkeypatch.setattr(BesideLeftovers, "log_weights", made_up)
+    assert with_laws_as_read(BesideLeftovers.of(there, fits)).refinery.laws.share == share
 
 
 def test_where_a_threshold_lies_is_doubted_as_ever() -> None:
