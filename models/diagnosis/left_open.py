@@ -61,7 +61,8 @@ class Ahead:
         frame = pd.DataFrame({name: np.broadcast_to(value, size) for name, value in columns.items()})
         frame = frame.assign(kind=kind, **{c.column: 1.0 for c in self.channels})
         seen = observe(frame, refinery.baseline.converter, refinery.observations.processes)
-        seen = replace(seen, points=replace(seen.points, **{name: getattr(p, name) for name in SEEN}))
+        kept = {name: getattr(p, name) for name in (*SEEN, "held")}
+        seen = replace(seen, points=replace(seen.points, **kept))
         place = np.array([self.channels.index(c) for c in seen.channels])
         return seen, len(self.channels) * seen.row + place[seen.channel]
 

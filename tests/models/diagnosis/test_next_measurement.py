@@ -18,7 +18,7 @@ from models.diagnosis.race import SEPARATED, NextMeasurement, Rival
 from sim.effects.catalogue import CATALOGUE
 from sim.model import Model
 from sim.prototype import prototype
-from sim.simulate import can_run
+from sim.simulate import can_run, simulate
 from tests.models.diagnosis.fabricated import fit_of
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
@@ -161,6 +161,20 @@ def test_points_are_proposed_up_to_what_a_diagnosis_takes() -> None:
     share = [can_run(Model.baseline(), replace(points, power_W=spare * power_W)) for spare in (1.03, 1.08)]
     assert np.all(share[0])  # efficiency alone is read to 3 % from the limit
     assert np.count_nonzero(~share[1]) > 5  # of 25 pairs of D1 and D2: those that do not carry all
+
+
+def test_an_output_voltage_that_nobody_read_is_held_where_it_was_when_measured() -> None:
+    """In front of the output cable, in what is proposed as in what was measured."""
+    observations, model = (
+        observe(efficiency_alone(), prototype()),
+        rival("cable_resistance_output", 0.1).model,
+    )
+    assert np.all(observations.points.held)
+    measured = observations.points.take(np.argsort(observations.points.power_W)[[2, 8, 14]])
+    again = Allowed(set_points=np.stack([measured.D1, measured.D2, measured.power_W], axis=1), by_hand=False)
+    options = bench_options(observations, [model], observations.channels, again)
+    place = [c.column for c in observations.channels].index("P1_W")
+    np.testing.assert_allclose(options.readings[0, -3:, place], simulate(model, measured)["P1_W"], atol=1e-4)
 
 
 @pytest.mark.parametrize(("own_s", "proposed"), [(400e-9, "200"), (100e-9, "50"), (0.0, None), (4e-6, None)])
