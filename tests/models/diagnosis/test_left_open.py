@@ -41,6 +41,15 @@ def nothing(refinery: Refinery) -> Rival:
     return replace(NOTHING, fit=replace(NO_FIT, shift=np.zeros_like(refinery.residual)))
 
 
+@pytest.mark.parametrize("held", [True, False])
+def test_what_lies_ahead_has_its_output_voltage_where_its_points_have_it(
+    found: Diagnosis, held: bool
+) -> None:
+    ahead = Ahead(points=Points(D1=0.8, D2=0.1, power_W=600.0, V2_V=140.0, held=held), channels=EFFICIENCY)
+    seen, _ = ahead.observed(found.refinery)
+    assert np.all(seen.points.held == held)
+
+
 def test_less_is_open_where_something_was_measured(found: Diagnosis) -> None:
     measured = found.observations.frame.iloc[0]
     here = watts_open(

@@ -165,15 +165,14 @@ def test_points_are_proposed_up_to_what_a_diagnosis_takes() -> None:
 
 def test_an_output_voltage_that_nobody_read_is_held_where_it_was_when_measured() -> None:
     """In front of the output cable, in what is proposed as in what was measured."""
-    observations, model = (
-        observe(efficiency_alone(), prototype()),
-        rival("cable_resistance_output", 0.1).model,
-    )
+    observations = observe(efficiency_alone(), prototype())
+    model = rival("cable_resistance_output", 0.1).model
     assert np.all(observations.points.held)
     measured = observations.points.take(np.argsort(observations.points.power_W)[[2, 8, 14]])
     again = Allowed(set_points=np.stack([measured.D1, measured.D2, measured.power_W], axis=1), by_hand=False)
     options = bench_options(observations, [model], observations.channels, again)
     place = [c.column for c in observations.channels].index("P1_W")
+    # W: where two solutions from different starts end; with V2 behind the cable they are 0.05 to 0.2 W apart
     np.testing.assert_allclose(options.readings[0, -3:, place], simulate(model, measured)["P1_W"], atol=1e-4)
 
 

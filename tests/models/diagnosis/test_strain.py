@@ -40,7 +40,7 @@ def test_what_no_catalogue_has_is_not_named_though_a_cause_imitates_it(
     [
         # laws that are off as feared are e^15 times as likely here, and sound ones leave nothing over beside the cause
         (("duty_offset", 0.015442900152044086), 3770242, 3795002, "named"),
-        # sound ones make this of three causes
+        # sound ones make this of three causes; of 0.047 nothing is stated (`consistent`), which says nothing of laws
         (("duty_jitter", 0.05), 3730148, 3795004, "unknown"),
     ],
 )
