@@ -282,7 +282,8 @@ def screen(frame: pd.DataFrame, raw: pd.DataFrame) -> tuple[RejectedRow, ...]:
         reject(bad, "quality", f"the analyzer's data are not good; allowed is {GOOD!r} or nothing")
     for check in CHECKS:
         rows = frame["kind"].isin(check.kinds) & check.impossible(frame)
-        reject(rows, check.column, check.reason + check.more(frame[rows]))
+        if rows.any():
+            reject(rows, check.column, check.reason + check.more(frame[rows]))
     text = raw.astype(str)  # whatever stands in unknown columns can be compared as text
     reject(text.duplicated(keep="first"), str(raw.columns[0]), "repeats an earlier row in every column")
     if "time_s" in raw:

@@ -1,14 +1,15 @@
 """``diagnose(measurements)``: what the simulation gets wrong, why, how sure, and what it is worth to know."""
 
 from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from models.calibrated import CalibratedPhysics
 from models.calibration import calibrate
@@ -216,9 +217,16 @@ def _parts(refinery: Refinery, leading: Hypothesis, verdict: Verdict) -> dict[st
     return {} if verdict.kind == "unknown" else parts_beyond(refinery, leading.fit, said)
 
 
-def _one_thread() -> threadpool_limits:
+def _one_thread() -> AbstractContextManager[object]:
     """Of many small matrices a second thread only costs."""
-    return threadpool_limits(limits=1, user_api="blas")
+    limited: AbstractContextManager[object] = _linear_algebra().limit(limits=1, user_api="blas")
+    return limited
+
+
+@cache
+def _linear_algebra() -> ThreadpoolController:
+    """Its libraries, looked up once: that takes milliseconds, and all are there once this module is."""
+    return ThreadpoolController()
 
 
 def diagnose(

@@ -43,8 +43,8 @@ class Begun:
         least = max(each.log_likelihood for each in tried) - _SLOW
         first, *more = [each for each in tried if each.log_likelihood >= least]
         rivals = leftovers_of(usable.observations, baseline, usable.known)
-        begun = cls.in_noise(first.usable, baseline, first.noise, rivals)
-        for slower in (cls.in_noise(each.usable, baseline, each.noise, rivals) for each in more):
+        begun = cls.in_noise(first.distinct(), baseline, first.noise, rivals)
+        for slower in (cls.in_noise(each.distinct(), baseline, each.noise, rivals) for each in more):
             if slower.sight.looked.log_evidence > begun.sight.looked.log_evidence + _SLOW:
                 begun = slower
         return begun._doubting_conditions(baseline)
@@ -110,13 +110,17 @@ class _Lagging:
         """Of all replicates together."""
         return sum(entry.log_likelihood for entry in self.noise)
 
+    def distinct(self) -> Usable:
+        """The readings, with the fewest directions of heat that lags behind."""
+        known, sigma = self.usable.known, sigma_of(self.usable.observations, self.noise)
+        return replace(self.usable, known=known.distinct(sigma))
+
 
 def _lagging(usable: Usable, share: float, replicates: Replicates) -> _Lagging:
     """With such a share of what a slow bench has."""
     observations, known = usable.observations, usable.known.lagging(share)
     noise = estimate_noise(observations, replicates, observations.value - known.baseline, known.slow)
-    distinct = known.distinct(sigma_of(observations, noise))
-    return _Lagging(usable=replace(usable, known=distinct), noise=noise)
+    return _Lagging(usable=replace(usable, known=known), noise=noise)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +177,7 @@ def _at_first_sight(begun: Begun) -> Found | None:
     """
     if begun.usable.observations.efficiency_alone or (ahead := begun.far_ahead) is None:
         return None
-    if (kept := begun.without_edge_of(ahead, begun.sight.refinery)) is None:
+    if (kept := begun.without_edge_of(ahead, begun.sight.setting.refinery)) is None:
         return None
     found = Found.of(kept)
     return found if set(ahead.effects) <= set(found.leading.effects) else None

@@ -205,13 +205,16 @@ class _Beside:
         """Of each direction (E, M), one sigma long, the best moment and side; ``time_s`` (M,) is that of readings."""
         behind = np.array([time_s >= moment.at_s for moment in moments])
         steps = directions[:, None] * behind
-        solved = self.whitener.solve(np.concatenate([directions, *steps]).T).T
-        whole, solved = solved[: len(directions), None], solved[len(directions) :].reshape(steps.shape)
-        sides = np.stack([steps, directions[:, None] - steps], axis=1)  # behind the moment, in front of it
-        told = np.sum(sides * np.stack([solved, whole - solved], axis=1), axis=-1)
-        pull = sides @ self.pulled
-        gain = _gain(told, pull)
-        in_all = _gain(np.sum(directions * whole[:, 0], axis=1), directions @ self.pulled)
+        solved = self.whitener.solve(directions.T).T
+        whole, whole_pull = np.sum(directions * solved, axis=1), directions @ self.pulled
+        after, after_pull = (
+            self.whitener.squares(np.concatenate(steps)).reshape(steps.shape[:2]),
+            steps @ self.pulled,
+        )
+        before = whole[:, None] - 2.0 * np.sum(steps * solved[:, None], axis=-1) + after
+        told = np.stack([after, before], axis=1)  # behind the moment, in front of it
+        pull = np.stack([after_pull, whole_pull[:, None] - after_pull], axis=1)
+        gain, in_all = _gain(told, pull), _gain(whole, whole_pull)
         found = []
         for k, best in enumerate(np.argmax(gain.reshape(len(gain), -1), axis=1).tolist()):
             side, moment = divmod(best, len(moments))

@@ -27,6 +27,7 @@ _NAMED = 3  # parts of a hypothesis that are tried as causes
 _TO_EXTEND = 3  # leading hypotheses that are tried with one cause more
 _IN_REACH = 6.0  # in log probability: a hypothesis that is worth slopes of its own
 _LARGER_IN_REACH = 3.0  # the same with one cause more, and on its tangents: worth a simulation
+_GOES_ALONG = 0.5  # further off: slopes taken anew often bring it in reach, and to ask once more costs more
 _FAINT = 3.0  # standard deviations from off: a cause that may well not be there
 _BETTER = 0.5  # in log evidence: another place, not a step along the old one
 _SIGNIFICANT = 3.0  # standard deviations
@@ -79,15 +80,20 @@ def _sharpened(refinery: Refinery, fits: list[Fit]) -> list[Fit]:
 
 
 def _to_sharpen(refinery: Refinery, sharp: Sequence[Fit], rest: Sequence[Fit]) -> list[Fit]:
-    """Of the rest those in reach of the best, as many as may be sharpened still, the most probable first."""
+    """Of the rest those in reach of the best, as many as may be sharpened still, the most probable first.
+
+    With any of them goes what is all but in reach.
+    """
     first = max([*rest, *sharp], key=refinery.log_probability)
 
-    def in_reach(fit: Fit) -> bool:
+    def short_by(fit: Fit) -> float:
         reach = _LARGER_IN_REACH if len(fit.terms) > len(first.terms) else _IN_REACH
-        return refinery.log_probability(fit) > refinery.log_probability(first) - reach
+        return refinery.log_probability(first) - refinery.log_probability(fit) - reach
 
     order = sorted((f for f in rest if f.terms), key=refinery.log_probability, reverse=True)
-    return [f for f in order if in_reach(f)][: _SHARPENED - len(sharp)]
+    if not any(short_by(f) < 0.0 for f in order):
+        return []
+    return [f for f in order if short_by(f) < _GOES_ALONG][: _SHARPENED - len(sharp)]
 
 
 def _alone(refinery: Refinery, tangents: Sequence[Fit]) -> tuple[list[Fit], list[Fit]]:

@@ -158,20 +158,25 @@ class FirstSight:
         return bench.noiseless.noisier(self.looked.first**2 + doubt**2 + bench.known.input_sigma**2)
 
     @cached_property
-    def refinery(self) -> Refinery:
-        """In the setting that the look tells of; nothing here asks about leftovers."""
-        plain = replace(self.bench, rivals=self.looked.rivals.among(frozenset()))
-        return plain.setting(self.looked).refinery
+    def setting(self) -> Setting:
+        """The one that the look tells of."""
+        return replace(self.bench, rivals=self.looked.rivals).setting(self.looked)
 
     @cached_property
     def tangents(self) -> list[Fit]:
         """Nothing, and every effect on its tangent."""
-        return on_tangents(self.refinery)
+        return on_tangents(self.setting.refinery)
+
+    def settled(self) -> "_Settled":
+        """Further looks, until the noise stands still."""
+        if self.looked.still:
+            return self.looked
+        return self.bench.settled(self.bench.after(self.looked, _look(self.setting, self.tangents)))
 
 
 def set_up(sight: FirstSight) -> Setting:
     """The setting with the noise of replicates, corrected by what the best tangent leaves, from the first look on."""
-    bench, best = sight.bench, sight.bench.settled(sight.looked)
+    bench, best = sight.bench, sight.settled()
     observations, baseline, known = bench.observations, bench.baseline, bench.known
     if (steadier := _steadier(observations, bench.noise, best.first)) is not None:
         best = max(best, bench.settled(bench.begun(steadier)), key=lambda settled: settled.log_evidence)
@@ -310,7 +315,8 @@ class _Bench:
     def settled(self, near: _Settled, looks: int = _LOOKS) -> _Settled:
         """Looks at what the best explanation leaves until the noise stands still, ``looks`` in all at most."""
         while near.looks < looks and not near.still:
-            near = self.after(near, _look(replace(self, rivals=near.rivals).setting(near)))
+            setting = replace(self, rivals=near.rivals).setting(near)
+            near = self.after(near, _look(setting, on_tangents(setting.refinery)))
         return near
 
     def after(self, near: _Settled, look: "_Look") -> _Settled:
@@ -342,9 +348,9 @@ class _Look:
     leftovers: frozenset[tuple[str, float]]
 
 
-def _look(setting: Setting) -> _Look:
-    """At what the best tangent leaves."""
-    nothing, *tangents = on_tangents(setting.refinery)
+def _look(setting: Setting, tangents: Sequence[Fit]) -> _Look:
+    """At what the best tangent leaves; nothing comes first of them."""
+    nothing, *tangents = tangents
     leading = sorted(tangents, key=lambda fit: -fit.log_evidence)[:_LEADING]
     return _left_by(setting, weighed_with_leftovers(setting.refinery, [nothing, *leading]))
 

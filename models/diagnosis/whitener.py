@@ -94,6 +94,14 @@ class Whitener:
             solved[block] = inverse @ right[block]
         return np.asarray(solved - self.across.T @ (self.across @ right))
 
+    def squares(self, vectors: Array) -> Array:
+        """v C^-1 v (k,) of each of the vectors (k, M): in less than their :meth:`solve` takes."""
+        squares = -np.sum(np.square(vectors @ self.across.T), axis=1)
+        for block, inverse in zip(self.blocks, self.inverses, strict=True):
+            part = vectors[:, block]
+            squares += np.sum(part @ inverse * part, axis=1)
+        return np.asarray(squares)
+
     def solve_directions(self, directions: Array) -> Array:
         """C^-1 of directions (k, M), a row each; of the first that blocks have in common it is all but there."""
         if np.array_equal(directions, self.common[: len(directions)]):

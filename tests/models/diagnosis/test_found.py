@@ -75,7 +75,7 @@ def test_replicates_tell_the_noise_where_they_have_no_power_to_spare(larger_indu
     cause = of_effect("leakage_inductance", before)
     without_D0 = [n for n in before.noise if n.channel != "D0"]
     told = [replace(n, sigma=0.5 * n.sigma) for n in without_D0]
-    kept = before.without_edge_of(cause, before.sight.refinery)
+    kept = before.without_edge_of(cause, before.sight.setting.refinery)
     assert kept is not None
     lost = larger_inductance.observations.of("D0")
     lost &= np.isin(
@@ -87,7 +87,7 @@ def test_replicates_tell_the_noise_where_they_have_no_power_to_spare(larger_indu
         known=larger_inductance.known.take(~lost),
     )
     begun = replace(Begun.of(usable, BASELINE), noise=[*told, *set(before.noise) - set(without_D0)])
-    found = begun.without_edge_of(of_effect("leakage_inductance", begun), begun.sight.refinery)
+    found = begun.without_edge_of(of_effect("leakage_inductance", begun), begun.sight.setting.refinery)
     assert found is not None
     assert "D0" not in [c.name for c in found.usable.observations.channels]
     assert found.noise == told

@@ -8,7 +8,7 @@ import pytest
 from models.diagnosis import search as searched
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.search import _crossed, _other_variants, _sharpened, _shorter, search
+from models.diagnosis.search import _crossed, _other_variants, _sharpened, _shorter, _to_sharpen, search
 from models.diagnosis.signatures import Signature
 from sim.effects.catalogue import effect
 from tests.models.diagnosis.fabricated import fit_of, joint_fit, refinery
@@ -131,3 +131,20 @@ def test_what_comes_in_reach_of_a_best_that_was_too_likely_is_simulated_anew_too
     assert {fit.effects for fit in sharp} == {link.effects, both.effects}
     for fit in sharp:
         np.testing.assert_allclose(fit.terms[0].slope, GROWING, rtol=1e-9)  # the bench is linear
+
+
+def test_what_is_all_but_in_reach_is_simulated_anew_with_what_is() -> None:
+    slopes = {"link_resistance": GROWING, "auxiliary_power": FLAT}
+    bench = refinery(0.05 * GROWING, [Signature(entry=effect(n), slope=s) for n, s in slopes.items()], SIGMA)
+    both = joint_fit(slopes, 0.05 * (GROWING + FLAT), value=0.05)
+    link = replace(both, terms=both.terms[:1], log_evidence=0.0)
+    nothing = replace(Fit.nothing(READINGS), log_evidence=-100.0)
+
+    def behind(by: float) -> Fit:
+        return replace(both, log_evidence=bench.log_prior(link) - bench.log_prior(both) - by)
+
+    # in log probability: 3 is in reach for one cause more, and 0.5 further off goes along
+    near, far = behind(3.4), behind(3.6)
+    assert _to_sharpen(bench, [], [nothing, link, near]) == [link, near]
+    assert _to_sharpen(bench, [], [nothing, link, far]) == [link]
+    assert _to_sharpen(bench, [link], [nothing, near]) == []

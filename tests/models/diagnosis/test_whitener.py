@@ -46,6 +46,12 @@ def test_whitener_knows_the_log_determinant(covariance: Covariance | np.ndarray)
 
 
 @pytest.mark.parametrize("covariance", [PARTS, written_out(PARTS)], ids=["parts", "whole"])
+def test_squares_are_products_with_what_is_solved(covariance: Covariance | np.ndarray) -> None:
+    expected = np.sum(RIGHT * np.linalg.solve(written_out(PARTS), RIGHT), axis=0)
+    np.testing.assert_allclose(Whitener.of(covariance).squares(RIGHT.T), expected, rtol=1e-9)  # as above
+
+
+@pytest.mark.parametrize("covariance", [PARTS, written_out(PARTS)], ids=["parts", "whole"])
 def test_directions_that_blocks_have_in_common_are_solved_as_any_others(
     covariance: Covariance | np.ndarray,
 ) -> None:
