@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.hypotheses import EVERYDAY, SURELY, Fit, Term, log_inside
+from models.diagnosis.hypotheses import EVERYDAY, SURELY, Fit, Term, law_let_in, log_inside
 from models.diagnosis.leftover import Leftover
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.whitener import Whitener
@@ -55,13 +55,15 @@ def log_everyday(refinery: Refinery, fit: Fit, leftover: Leftover | None = None)
     larger = refinery.larger(fit)
     line[: larger.size] *= larger
     others = np.setdiff1d(np.arange(line.size), fit.own(refinery.known))
-    spreads, line, geometry = refinery.known.spreads[others], line[others], refinery.geometry
-    right = np.vstack([spreads, refinery.residual - fit.shift])
-    bare = np.vstack([geometry.spreads_solved[others], geometry.whitener.solve(right[-1])])
-    solved = refinery.solve(fit, right, leftover, bare=bare)
-    told = np.sum(spreads * solved[:-1], axis=1)
-    sigma = np.sqrt(np.clip(1.0 - told, _LEAST_OPEN, 1.0))
-    return float(np.sum(log_inside((-line, line), spreads @ solved[-1], sigma)))
+    line, geometry, left = line[others], refinery.geometry, (refinery.residual - fit.shift)[None]
+    seen = geometry.project(left, basis=leftover is not None).with_directions(left, refinery.law(fit))
+    whole = geometry.with_spreads(seen, others)
+    (((products,), _),) = geometry.products_beside([whole], [fit.own(refinery.known)], [leftover])
+    beside = len(seen.each_other)  # what is left, and laws, which go last
+    order = np.r_[0, beside : len(products), 1:beside]
+    products, _ = law_let_in(products[order[:, None], order], np.zeros(()), 1 + others.size)
+    sigma = np.sqrt(np.clip(1.0 - np.diagonal(products)[1:], _LEAST_OPEN, 1.0))
+    return float(np.sum(log_inside((-line, line), products[0, 1:], sigma)))
 
 
 def parts_beyond(refinery: Refinery, fit: Fit, leftover: Leftover | None = None) -> dict[str, float]:

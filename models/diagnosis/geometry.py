@@ -94,7 +94,7 @@ class Geometry:
     """C factored, and the products under C of the spreads (K, M) and the leftovers' basis (Q, M).
 
     Most of the basis is zero in most blocks of C: ``basis_by_blocks`` are a block's readings (m,), the columns (q,)
-    that are there, and these alone (q, m).
+    that are there, and these alone (q, m). ``spreads_on_basis`` (Q, K) are the spreads seen by all of it.
     """
 
     whitener: Whitener
@@ -103,6 +103,7 @@ class Geometry:
     between_spreads: Array
     admitted: dict[tuple[str, float], _Admitted]
     basis_by_blocks: tuple[tuple[Block, Rows, Array], ...]
+    spreads_on_basis: Array
 
     @classmethod
     def of(cls, whitener: Whitener, spreads: Array, leftovers: Leftovers) -> Self:
@@ -116,6 +117,7 @@ class Geometry:
             between_spreads=spreads @ solved.T,
             admitted=_admitted(leftovers, whitener.inner(leftovers.basis), on_basis),
             basis_by_blocks=by_blocks,
+            spreads_on_basis=on_basis,
         )
 
     def project(self, vectors: Array, *, basis: bool = True) -> Projection:
@@ -128,12 +130,14 @@ class Geometry:
         )
 
     def with_spreads(self, seen: Projection, own: Rows) -> Projection:
-        """Of vectors seen, followed by the spreads ``own``; with no leftover in question."""
+        """Of vectors seen, followed by the spreads ``own``."""
         across, between = seen.on_spreads[own], self.between_spreads[:, own]
         each_other = np.block([[seen.each_other, across.T], [across, between[own]]])
-        on_spreads = np.concatenate([seen.on_spreads, between], axis=1)
+        on_basis = self.spreads_on_basis[: len(seen.on_basis), own]
         return Projection(
-            each_other=each_other, on_spreads=on_spreads, on_basis=np.empty((0, len(each_other)))
+            each_other=each_other,
+            on_spreads=np.concatenate([seen.on_spreads, between], axis=1),
+            on_basis=np.concatenate([seen.on_basis, on_basis], axis=1),
         )
 
     def directions(self, each: Sequence[Array]) -> list[Directions]:

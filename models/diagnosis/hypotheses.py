@@ -299,7 +299,7 @@ class _Values:
 def _weighed(fits: Sequence[Fit], inner: Array, log_det: Array) -> list[WeighedBeside]:
     """The evidence of F fits of one size from products (F, L, n, n) under each covariance, and its ln det (F, L)."""
     size = len(fits[0].terms)
-    inner, log_det = _law_let_in(inner, log_det, size + 1)
+    inner, log_det = law_let_in(inner, log_det, size + 1)
     bare = -0.5 * (inner[..., -1, -1] + log_det)
     if not size:
         none = np.empty((bare.shape[1], 0))
@@ -334,7 +334,7 @@ def _free_step(scaled: Array, pull: Array, held: NDArray[np.bool_]) -> tuple[Arr
     return step, np.asarray(0.5 * np.sum(pull * step, axis=2))
 
 
-def _law_let_in(inner: Array, log_det: Array, vectors: int) -> tuple[Array, Array]:
+def law_let_in(inner: Array, log_det: Array, vectors: int) -> tuple[Array, Array]:
     """Products (..., n, n) of the first so many, under a covariance that the directions after them were added to."""
     more = inner.shape[-1] - vectors
     if not more:

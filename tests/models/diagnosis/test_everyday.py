@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from models.diagnosis.everyday import (
     everyday_together,
@@ -15,7 +16,7 @@ from models.diagnosis.hypotheses import EVERYDAY, Fit, Term
 from models.diagnosis.signatures import Signature
 from models.diagnosis.whitener import Whitener
 from sim.effects.catalogue import effect
-from tests.models.diagnosis.fabricated import refinery
+from tests.models.diagnosis.fabricated import fit_of, refinery
 
 QUIET = Whitener.of(1e-4 * np.eye(3))
 SAME, ANOTHER = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -106,6 +107,28 @@ def test_what_needs_a_part_beyond_the_line_does_not_count(sigmas: float, share: 
     nothing = Fit.nothing(24)
     # known to a seventieth of a sigma, which the prior draws back by a fifteenth of that
     assert np.exp(log_everyday(bench, nothing)) == pytest.approx(share, abs=0.05)
+
+
+def test_parts_are_as_far_off_as_the_readings_have_them_beside_laws_and_a_leftover() -> None:
+    k, sigma = np.arange(24), np.linspace(0.2, 0.4, 24)
+    spreads = np.stack([np.sin(0.9 * k), np.cos(0.4 * k), 0.3 * np.sin(0.2 * k)])
+    cause, law = fit_of("link_resistance", 0.1 * k, slope=1.0 * k, value=0.1), np.cos(1.3 * k)
+    residual = cause.shift + 4.2 * spreads[0] - 3.9 * spreads[1]
+    signature = cause.terms[0].signature
+    bench = refinery(residual, [signature], sigma, spreads, laws=[(signature, law[None])])
+    for leftover in (None, bench.geometry.leftovers.configurations[0]):
+        beside = 0.0 if leftover is None else leftover.amplitude**2
+        covariance = np.diag(sigma**2 + beside) + spreads.T @ spreads + 0.1**2 * np.outer(law, law)
+        solved = np.linalg.solve(covariance, spreads.T)
+        mean, scale = (
+            residual @ solved - cause.shift @ solved,
+            np.sqrt(1.0 - np.sum(spreads.T * solved, axis=0)),
+        )
+        within = norm.cdf((EVERYDAY - mean) / scale) - norm.cdf((-EVERYDAY - mean) / scale)
+        assert 0.01 < np.prod(within) < 0.99
+        assert log_everyday(bench, cause, leftover) == pytest.approx(
+            np.sum(np.log(within)), rel=1e-8
+        )  # rounding
 
 
 def density(x: float | np.ndarray, sigma: float) -> float | np.ndarray:

@@ -65,11 +65,12 @@ def test_products_beside_many_leftovers_are_those_beside_each() -> None:
 def test_vectors_less_others_and_spreads_beside_them_are_as_projected() -> None:
     moved = VECTORS.copy()
     moved[-1] -= np.array([0.3, -2.0]) @ VECTORS[:-1]
-    expected = GEOMETRY.project(np.concatenate([moved, SPREADS[OWN]]), basis=False)
-    seen = GEOMETRY.project(VECTORS, basis=False).less(np.array([0.3, -2.0]))
+    expected = GEOMETRY.project(np.concatenate([moved, SPREADS[OWN]]))
+    seen = GEOMETRY.project(VECTORS).less(np.array([0.3, -2.0]))
     found = GEOMETRY.with_spreads(seen, OWN)
     np.testing.assert_allclose(found.each_other, expected.each_other, rtol=1e-9, atol=1e-12)  # rounding
     np.testing.assert_allclose(found.on_spreads, expected.on_spreads, rtol=1e-9, atol=1e-12)  # rounding
+    np.testing.assert_allclose(found.on_basis, expected.on_basis, rtol=1e-9, atol=1e-12)  # rounding
 
 
 def test_choices_among_vectors_have_the_products_of_each_alone() -> None:
