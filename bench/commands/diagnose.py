@@ -74,6 +74,7 @@ def diagnose(
     from models.diagnosis.plausibility import ImplausibleTable
     from models.diagnosis.stretches import stretches
     from models.diagnosis.usable import TooFewPoints
+    from sim.side_by_side import kept
 
     check_folder(out_dir, "--out")
     if json_file is not None:
@@ -94,16 +95,17 @@ def diagnose(
     def diagnosed(rows: Measurements) -> "Diagnosis":
         return find_cause(rows, simulation, without=unknown, progress=progress, processes=processes)
 
-    try:
-        found = diagnosed(table)
-    except TooFewPoints as error:
-        asked = "measure more set points of D1, D2 and power"
-        if table.rejected:
-            asked = f"put right what those rows were left out for, or {asked}"
-        raise InputError.of(where, "rows", None, f"{error}; {asked}") from error
-    except ImplausibleTable as error:
-        raise InputError.of(where, "columns", None, str(error)) from error
-    apart = stretches(found, table, diagnosed, progress)
+    with kept(processes):
+        try:
+            found = diagnosed(table)
+        except TooFewPoints as error:
+            asked = "measure more set points of D1, D2 and power"
+            if table.rejected:
+                asked = f"put right what those rows were left out for, or {asked}"
+            raise InputError.of(where, "rows", None, f"{error}; {asked}") from error
+        except ImplausibleTable as error:
+            raise InputError.of(where, "columns", None, str(error)) from error
+        apart = stretches(found, table, diagnosed, progress)
     plain = answer_of(found, table, _campaign(campaign_id, db), str(out_dir / FILES.model), apart)
     files = DiagnosisFiles(found=found, table=table, answer=plain, source=where, virtual=virtual)
     files.write(out_dir)
