@@ -7,7 +7,8 @@ at the measured set points. Some losses change faster than that, but go by one q
 temperature (a contact, a leakage current), or the power (a controller that changes its ways). Which location and how
 many watts it has is not known, so every configuration is a rival of its own, and beside them a sensor that is off
 (:mod:`models.diagnosis.sensors`), a property that goes by temperature (:mod:`models.diagnosis.over_temperature`), and a
-cause that is not there all the time (:mod:`models.diagnosis.onset`).
+cause that is not there all the time (:mod:`models.diagnosis.onset`). What stands still over all set points is a level
+alone: columns that it does not need would count against it.
 """
 
 from collections.abc import Collection, Iterable
@@ -152,7 +153,8 @@ def leftovers(
     watt = np.array([c.watt for c in observations.channels])[observations.channel]
     powers = np.any([observations.of(name) for name in _POWERS], axis=0)
     at_output = np.where(power_W[row] > 0, per_watt, np.where(powers, 1.0, 0.0))
-    straight = np.concatenate([_TREND * _levels(observations, used), trends(where)])
+    levels = _TREND * _levels(observations, used)
+    straight = np.concatenate([levels, trends(where)])
     basis = _Basis(observations, np.concatenate([straight, smooth_maps(where)])[:, place])
     found: list[tuple[str, NDArray[np.intp], tuple[float, ...]]] = []
     seen = set()
@@ -169,6 +171,8 @@ def leftovers(
         parts += [basis.part((c,), "watts", watt) for c in own]
         found.append((name, np.concatenate(parts), amplitudes_W))
         found.append((f"{name}, straight", np.concatenate([p[: len(straight)] for p in parts]), straight_W))
+        if len(shared) > 1:  # at the input it is what an auxiliary supply takes
+            found.append((f"{name}, level", np.concatenate([p[: len(levels)] for p in parts]), straight_W))
     if "efficiency" in present:
         gain = power_W[row] / np.sqrt(np.mean(power_W[row] ** 2))
         for name, maps in _over_time(observations, used):

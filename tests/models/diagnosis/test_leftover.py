@@ -69,6 +69,20 @@ def test_a_loss_in_series_moves_the_phase_shift_as_one_at_the_output_does() -> N
     assert level[shift] == pytest.approx(5e-4 * level[observations.of("efficiency")], rel=1e-12)
 
 
+def test_what_stands_still_at_one_place_is_a_level_of_few_columns() -> None:
+    frame = pd.DataFrame({"D1": 0.9, "D2": 0.1, "P2_W": POWER_W, "kind": "load", "P1_W": POWER_W / 0.98})
+    more = {"P_link1_W": POWER_W / 0.985, "T_transformer_C": HEATSINK_C, "T_inductor_C": HEATSINK_C}
+    observations = observe(frame.assign(efficiency=0.98, time_s=60.0 * np.arange(ROWS), **more), prototype())
+    rivals = leftovers(observations, np.ones(observations.value.size))
+    powers = observations.of("efficiency") | observations.of("P_link1_W")
+    rings = 2.0 * powers + 5.0 * observations.of("T_transformer_C")
+    assert _missed(rivals, "ac link, level", rings) < 1e-12  # rounding
+    places = {c.location: c.columns.size for c in rivals.configurations}
+    # always, with the bridges on, and under load, in the powers together and in each temperature
+    assert places["ac link, level"] == 9 < places["ac link, straight"]
+    assert "input, level" not in places
+
+
 def test_rows_that_share_a_time_still_have_a_gain_that_wanders() -> None:
     """Three repeats a stamp: between most rows no time has passed."""
     frame = pd.DataFrame({"D1": 0.9, "D2": 0.1, "P2_W": POWER_W, "kind": "load", "P1_W": POWER_W / 0.98})
