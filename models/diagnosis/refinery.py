@@ -104,12 +104,9 @@ class Refinery:
         """``C'^-1`` of what a fit leaves, (M,), under the covariance that it is weighed with."""
         return np.asarray(self.solve(fit, (self.residual - fit.shift)[None], leftover)[0])
 
-    def solve(
-        self, fit: Fit, right: Array, leftover: Leftover | None = None, *, bare: Array | None = None
-    ) -> Array:
-        """The same of any vectors (k, M); ``bare`` (k, M) is C^-1 of them, where that is known."""
-        if bare is None:
-            bare = self.geometry.whitener.solve(right.T).T
+    def solve(self, fit: Fit, right: Array, leftover: Leftover | None = None) -> Array:
+        """The same of any vectors (k, M)."""
+        bare = self.geometry.whitener.solve(right.T).T
         laws = self.law(fit)
         vectors = np.concatenate([right, *(d.factor * d.vectors for d in laws)])
         bare = np.concatenate([bare, *(d.factor * d.solved for d in laws)])
