@@ -43,9 +43,10 @@ _PROBES = 24  # random signs that estimate a trace to three per cent
 _DRIFTS = 3.0  # times the usual noise of an instrument: replicates that scatter by more may drift
 _ROUGH = 0.02  # of what the best explanation moves a reading by: no law is good to less, from one reading to the next
 # Shares of what the simulation may be off, where the readings show that it is as good as that, and the log evidence
-# that each asks for: of the first more, since what is assumed is for any converter; of the two whichever is likelier.
-# The second, and noise that settles anew, are for efficiency alone: beside other channels both change hardly anything.
-_NARROWER = ((0.3, 3.0), (0.1, 0.0))
+# that each asks for, or may lose: of the first it asks for more, since what is assumed is for any converter; the second
+# is taken unless the readings speak against it. It is for efficiency alone, as is noise that settles anew: beside other
+# channels both change hardly anything.
+_NARROWER = ((0.3, 3.0), (0.1, -1.5))
 _OTHERS_NARROWER = ((0.3, 3.0), (0.09, 3.0))  # of all other channels together
 # Of what no law is good to from one reading to the next, with efficiency alone, unless the readings speak against it
 _SMOOTHER = ((0.3, -2.0),)

@@ -148,6 +148,15 @@ def test_laws_that_are_wrong_by_what_they_may_be_stay_doubted(
     assert setting(observations, known, wrong_W).refinery.known.doubt == 1.0
 
 
+def test_laws_are_doubted_less_where_readings_cannot_tell(
+    observations: Observations, known: Signatures
+) -> None:
+    """Laws that are wrong by three tenths of what they may be, which forty readings tell from a tenth by little."""
+    wrong = [0.3 * wrong_by_doubt(observations, known, seed) for seed in range(1, 9)]
+    found = [setting(observations, known, wrong_W).refinery.known.doubt for wrong_W in wrong]
+    assert found.count(0.1) >= 7  # of 8; were the likelier one taken, about half
+
+
 def test_a_value_is_as_uncertain_as_the_parts_that_it_is_of(
     observations: Observations, known: Signatures
 ) -> None:
