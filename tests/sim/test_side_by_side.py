@@ -85,6 +85,22 @@ print(multiprocessing.active_children())
     assert fresh(program).splitlines() == ["[1, 2, 3] True 3", "[]"]
 
 
+def test_forks_that_are_kept_outlive_what_keeps_them_too() -> None:
+    program = """
+from sim.side_by_side import kept
+def work(part):
+    return os.getpid()
+found = []
+with kept(2):
+    for _ in range(2):
+        with kept(2):
+            found.append(side_by_side(work, [1, 2]))
+    print(found[0] == found[1], len(multiprocessing.active_children()))
+print(multiprocessing.active_children())
+"""
+    assert fresh(program).splitlines() == ["True 1", "[]"]
+
+
 def test_garbage_is_looked_for_in_what_is_new_while_forks_are_kept() -> None:
     """And everywhere again afterwards, but for what the program itself had put aside."""
     program = """
