@@ -96,10 +96,11 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
     can. What never settles is not reached.
     """
     for turn in range(_ROUNDS):
-        if turn >= _LIGHT and busy.size <= max(_FEW, _SHARE * len(station.points)):
+        busy = _powered(station, busy)
+        if busy.size and turn >= _LIGHT and busy.size <= max(_FEW, _SHARE * len(station.points)):
             busy = _left_open(station, busy)
-            if not busy.size:
-                return
+        if not busy.size:
+            return
         part = station.take(busy)
         if turn < _LIGHT:
             (state, onward), stays = part.follow(), np.ones(busy.size, dtype=bool)
@@ -114,9 +115,22 @@ def _settle(station: Station, memory: "_Secant", busy: NDArray[np.intp]) -> None
         station.known.put(busy, replace(onward, reached=stays))
         station.slow.put(busy, memory.step(busy, part.slow.by_name(), ahead.by_name()))
         busy = busy[~settled & stays]
-        if not busy.size:
-            return
-    station.known.reached[busy], station.known.most_W[busy] = False, np.nan
+    _give_up(station, busy)
+
+
+def _give_up(station: Station, lost: NDArray[np.intp]) -> None:
+    """Mark points as ones without a steady state."""
+    station.known.reached[lost], station.known.most_W[lost] = False, np.nan
+
+
+def _powered(station: Station, busy: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which of the busy points have a voltage at the dc link, which no orbit is without; the others are given up.
+
+    Where losses run away with temperature, what flows through the input cable takes all of it.
+    """
+    powered = station.powered()[busy]
+    _give_up(station, busy[~powered])
+    return busy[powered]
 
 
 def _left_open(station: Station, busy: NDArray[np.intp]) -> NDArray[np.intp]:
