@@ -29,7 +29,7 @@ def test_a_round_that_leaps_to_an_absurd_power_or_to_none_is_told() -> None:
 
 
 def test_losses_that_run_away_take_the_link_voltage_and_end_the_point() -> None:
-    """Seen at the very most that can be carried, behind a long cable: 415 C and -4640 V, a point beside it that runs."""
+    """Seen at the very most that can be carried, behind a long cable: 415 C and -4640 V. A point beside it runs."""
     points = Points(
         D1=0.702, D2=0.098, power_W=np.array([1955.62253497, 1900.0]), V1_V=300.03561435, V2_V=140.07725676
     )
