@@ -29,6 +29,7 @@ from bench.prediction import Asked, FloatArray, Predictor, model_of
 from bench.within import Within
 from bench.wording import action_text, effect_name, join
 from models.screening import LOADED_KINDS
+from models.space_filling import farthest
 
 if TYPE_CHECKING:
     from models.diagnosis.diagnose import Diagnosis
@@ -123,14 +124,10 @@ class Adaptive:
 
     def _lonely(self, allowed: Box, so_far: "_SoFar") -> Iterator[PlannedPoint]:
         """Points far from all that were measured."""
+        known = [(row.D1, row.D2, row.power_W) for row in so_far.planned if row.kind is Kind.LOAD]
         span = np.ptp(self.candidates, axis=0)
-        scale = np.where(span > 0, span, 1.0)
-        known = np.array([(row.D1, row.D2, row.power_W) for row in so_far.planned if row.kind is Kind.LOAD])
-        for _ in range(self._settings.at_once):
-            apart = ((allowed[:, None] - known[None]) / scale) ** 2
-            place = allowed[int(np.argmax(apart.sum(axis=2).min(axis=1)))]
-            known = np.vstack([known, place])
-            yield _load(place, "far from everything measured so far")
+        for k in islice(farthest(allowed, np.array(known).reshape(-1, 3), span), self._settings.at_once):
+            yield _load(allowed[k], "far from everything measured so far")
 
     def _informed(
         self, found: "Diagnosis", allowed: Box, so_far: "_SoFar", left: int

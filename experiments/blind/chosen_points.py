@@ -1,8 +1,11 @@
-"""A campaign whose last rows are chosen: random points first, then those that decide where the optimum is.
+"""A campaign whose rows are chosen: points far from each other first, then those that decide where the optimum is.
 
-They are chosen as by an adaptive plan of the bench (:mod:`models.rival_hills`), from what was measured before and
-nothing else. A round of them goes on in time where the rows before it ended.
+They are chosen as by an adaptive plan of the bench (:mod:`models.space_filling`, :mod:`models.rival_hills`), the last
+ones from what was measured before and nothing else. A round of them goes on in time where the rows before it ended.
 """
+
+from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 import pandas as pd
@@ -14,19 +17,33 @@ from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.rival_hills import RivalHills
+from models.space_filling import farthest
 
 Array = NDArray[np.float64]
 
-_SHARE, _MOST = 0.4, 128  # of the points are chosen
+_MANY = 1000  # random points, of which the first are taken
+_SHARE, _MOST = 0.4, 128  # of the points are chosen where the optimum is decided
 _ROUNDS = 7
 DESIGN = 29
 _ANOTHER = 1_000_000  # between the seeds of the noise of one round and the next
 
 
-def _set_points(size: int) -> Array:
-    """Random points (count, 3): so many that with their references there are ``size`` rows at most."""
-    count = next(n for n in range(size, 0, -1) if n + -(-n // REFERENCE_EVERY) <= size)
+def _count(size: int) -> int:
+    """So many points that with their references there are ``size`` rows at most."""
+    return next(n for n in range(size, 0, -1) if n + -(-n // REFERENCE_EVERY) <= size)
+
+
+def _random(count: int) -> Array:
+    """Random points (count, 3), the first with power to spare: the reference."""
     return random_set_points(count, np.random.default_rng([DESIGN, 10]))
+
+
+@lru_cache(maxsize=2)
+def _apart(count: int) -> Array:
+    """Points (count, 3) far from each other, of many random ones; the reference is the first."""
+    many = _random(_MANY)
+    others = islice(farthest(many, many[:1], np.ptp(many, axis=0)), count - 1)
+    return many[[0, *others]]
 
 
 def _schedule(points: Array) -> Schedule:
@@ -37,7 +54,7 @@ def _schedule(points: Array) -> Schedule:
 
 def campaign(size: int) -> Schedule:
     """A campaign of random points."""
-    return _schedule(_set_points(size))
+    return _schedule(_random(_count(size)))
 
 
 def measured(lab: Laboratory, size: int, loads_W: Array, *, seed: int) -> Diagnosis:
@@ -45,9 +62,9 @@ def measured(lab: Laboratory, size: int, loads_W: Array, *, seed: int) -> Diagno
 
     It lasts as long as the campaign of random points of that size.
     """
-    everything = _set_points(size)
-    each = round(min(_SHARE * len(everything), _MOST) / _ROUNDS)
-    points = everything[: len(everything) - _ROUNDS * each]
+    count = _count(size)
+    each = round(min(_SHARE * count, _MOST) / _ROUNDS)
+    points = _apart(count - _ROUNDS * each)
     table = survey(lab, _schedule(points), seed=seed)
     for turn in range(1, _ROUNDS + 1):
         rivals = RivalHills.of(diagnose(load_measurements(table)).calibrated, loads_W)

@@ -1,13 +1,21 @@
-"""How efficiency models of labs are judged: what is lost at their optima, load by load."""
+"""How efficiency models of labs are judged: what is lost at their optima, load by load, and where they measure."""
 
 from dataclasses import dataclass
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.spatial.distance import pdist
 
+from drivers.mocks.lab.laboratory import Laboratory
+from experiments.blind import chosen_points
 from experiments.blind.surrogates import LOADS_W, SURROGATE_PART, regret
 from experiments.blind.trial import BlindTrial
+from experiments.harness.lab_data import random_set_points
+from models.dataset import Measurements
 
 
 def test_a_load_that_is_not_carried_at_the_optimum_is_a_miss_of_its_own() -> None:
@@ -57,3 +65,42 @@ def test_what_a_model_loses_is_told_of_the_loads_that_the_lab_carries() -> None:
     assert list(lost) == [f"{load_W:g}" for load_W in LOADS_W if load_W <= 1800.0]
     assert [name for name, x in lost.items() if x is None] == ["1600", "1700", "1800"]
     assert lost["1000"] == pytest.approx(0.25, abs=0.02)  # points: the lattice's last steps are 0.0013 apart
+
+
+def test_a_campaign_begins_far_apart_and_goes_on_where_the_optimum_is_decided(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = list[Measurements]()
+
+    @dataclass(frozen=True)
+    class Decided:
+        """What is told of every table: the same place decides."""
+
+        place = np.array([[0.7, 0.2, 600.0]])
+
+        @classmethod
+        def of(cls, *_: object) -> "Decided":
+            return cls()
+
+        def chosen(self, count: int) -> list[int]:
+            return [0] * count
+
+    def noted(measurements: Measurements) -> SimpleNamespace:
+        asked.append(measurements)
+        return SimpleNamespace(calibrated=None)
+
+    monkeypatch.setattr(chosen_points, "RivalHills", Decided)
+    monkeypatch.setattr(chosen_points, "diagnose", noted)
+    chosen_points.measured(Laboratory.draw(seed=5), 12, LOADS_W, seed=5)
+    tables = [m.loaded() for m in asked]
+    # a reference with the first and with the ninth
+    assert [len(table) for table in tables] == [4, 5, 6, 7, 8, 9, 11, 12]
+    place = tables[-1].loc[tables[-1]["kind"] == "load", ["D1", "D2", "P_set_W"]].to_numpy()
+    np.testing.assert_allclose(
+        place[3:], np.tile(Decided.place, (7, 1)), atol=5e-4
+    )  # counts of the modulator
+    first, random = place[:3], random_set_points(3, np.random.default_rng(6))
+    span = (0.7, 0.6, 1800.0)
+    assert pdist(first / span).min() > 2 * pdist(random / span).min()
+    for earlier, later in pairwise(asked):  # what was read stays as it was
+        pd.testing.assert_frame_equal(earlier.frame, later.frame.iloc[: len(earlier.frame)])
