@@ -13,9 +13,8 @@ it, and an optimum would be found along that step where there is none. Where an 
 on a large capacitance against small ones, or on small ones against it: how much of the charge's energy is lost and how
 much stays stored is a matter of their curves at low voltage.
 
-What the eddy currents of a cause lose flattens about some harmonic, of which each place has its own share: one error
-all over the map, and a little another one elsewhere. Pulses as wide as they go have most of those harmonics, and look
-worse than they are where windings lose much more than they are modelled to.
+About which harmonic the eddy currents of a cause flatten is roughly known, and each place has its own share of what
+lies beyond: one error all over the map, and a little another one elsewhere. Pulses as wide as they go have most of it.
 """
 
 from itertools import product
@@ -24,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.inaccuracy import BRIDGES, loss_sigmas_W
-from sim.effects.catalogue import effect
-from sim.harmonics import eddy_share
+from models.diagnosis.law_errors import of_flattening
 from sim.model import Model
 from sim.modulation import EDGES
 from sim.simulate import Result
@@ -33,7 +31,6 @@ from sim.simulate import Result
 Array = NDArray[np.float64]
 
 _LEFT = 0.5  # Assumption: of a law's doubt, what is left once the spreads of its own constants are fitted
-_HARMONIC = effect("skin_effect").flattens_from  # one sigma of it
 _ELSEWHERE = 0.4  # Assumption: of that, by how much it is another one elsewhere on the map
 _AGAIN = 0.8  # of a watt less, by how much a cooler winding loses less again: with more it would run away
 _SHARE = 0.2  # of a swing: over what the loss of a cut-short edge is smooth
@@ -63,7 +60,7 @@ def law_doubts(result: Result, model: Model) -> Array:
 
 
 def _flattens_W(result: Result, model: Model) -> Array:
-    """What a model's effects add to eddy currents, as far as it is less where their resistance flattens, (N,).
+    """What a model's effects add to eddy currents, as far as their resistance may flatten more or less, (N,).
 
     Windings that lose less are cooler, and lose less again.
     """
@@ -82,7 +79,7 @@ def _flattens_W(result: Result, model: Model) -> Array:
     if not np.any(added_W):
         return added_W
     at = result.points.with_voltages_of(plain)
-    return np.asarray(added_W * (1.0 - eddy_share(altered, at, np.asarray(result["D0"]), _HARMONIC)))
+    return np.asarray(added_W * of_flattening(altered, at, np.asarray(result["D0"])))
 
 
 def law_covariance(a: Array, b: Array, alike: tuple[Array, Array], doubt: float = 1.0) -> Array:

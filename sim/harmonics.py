@@ -1,11 +1,17 @@
 r"""Harmonics of the voltage across the ac link's inductance: what its windings' eddy currents follow.
 
-With lossless square waves (:mod:`sim.modulation`) harmonic k, odd, of the voltage is
+With lossless square waves (:mod:`sim.modulation`), each of amplitude a\ :sub:`i` and rising at e\ :sub:`i`, eddy
+currents whose resistance rises with the square of frequency lose :math:`\sum |v_k|^2` over odd harmonics k of
 
-.. math:: v_k \propto \frac{1}{k} \Bigl[ \frac{V_1}{2} \bigl(e^{-j\pi k p_1} + e^{-j\pi k p_2}\bigr)
-          - \frac{n V_2}{2} \bigl(e^{-j\pi k s_1} + e^{-j\pi k s_2}\bigr) \Bigr]
+.. math:: v_k \propto \frac1k \sum_i a_i e^{-j\pi k e_i}, \quad
+          a = \Bigl(\frac{V_1}{2}, \frac{V_1}{2}, -\frac{n V_2}{2}, -\frac{n V_2}{2}\Bigr) .
 
-and what a resistance that rises with the square of frequency loses is proportional to :math:`\sum_k |v_k|^2`.
+Where resistance flattens about harmonic c, each counts for :math:`(1 + 1/c^2) / (1 + (k/c)^2)` of that: eddy currents
+that their own field keeps out of the copper, a first-order low pass. Both sums have a closed form, with d the distance
+of two edges in half periods:
+
+.. math:: \sum_k \frac{\cos \pi k d}{k^2} = \frac{\pi^2}{8} (1 - 2 d), \quad \sum_k \frac{\cos \pi k d}{k^2 + c^2} =
+          \frac{\pi}{4 c} \frac{\sinh \pi c (\tfrac12 - d)}{\cosh \pi c / 2} .
 """
 
 import numpy as np
@@ -17,26 +23,34 @@ from sim.parameters import Converter
 
 Array = NDArray[np.float64]
 
-_HARMONICS = np.arange(1, 200, 2)  # beyond lies 0.2 % of a square wave's mean square
 
-
-def eddy_share(converter: Converter, points: Points, D0: Array, corner: float) -> Array:
+def share_left(edges: Array, V1_V: Array, nV2_V: Array, corner: float) -> Array:
     """Of what eddy currents lose, the share (N,) that is left where their resistance flattens about a harmonic.
 
-    Harmonic k then counts for 1 / (1 + (k/corner)^2) of what it does while resistance rises with the square of
-    frequency: eddy currents that their own field keeps out of the copper. NaN where D0 is.
+    ``edges`` (4, N) are in half periods. It counts against a resistance that rises with the square of frequency and is
+    the same at the switching frequency; where nothing drives a current it is of no account, and finite.
+    """
+    amplitude = np.stack(np.broadcast_arrays(V1_V, V1_V, -nV2_V, -nV2_V, edges[0])[:4])
+    apart = np.abs((edges[:, None] - edges[None] + 1.0) % 2.0 - 1.0)
+    square = 0.5 * np.pi * (1.0 - 2.0 * apart)
+    # sinh over cosh, without overflow
+    far, near = np.exp(-np.pi * corner * apart), np.exp(-np.pi * corner * (1.0 - apart))
+    missing = (far - near) / (corner * (1.0 + np.exp(-np.pi * corner)))
+    products = amplitude[:, None] * amplitude[None]
+    whole, lost = np.sum(products * square, axis=(0, 1)), np.sum(products * missing, axis=(0, 1))
+    left = 1.0 - np.divide(lost, whole, out=np.zeros_like(whole), where=whole != 0.0)
+    return np.asarray((1.0 + corner**-2) * left)
+
+
+def eddy_share(converter: Converter, points: Points, D0: Array) -> Array:
+    """The same of a converter's inductor, at points with voltages and the phase that they run at; NaN where that is.
 
     >>> from sim.prototype import prototype
     >>> points = Points(D1=np.array([1.0, 0.6]), D2=np.array([0.0, 0.4]), power_W=1000.0)
     >>> points = points.with_voltages_of(prototype())
-    >>> eddy_share(prototype(), points, np.array([0.1, 0.1]), 15.0).round(3).tolist()
-    [0.8, 0.966]
+    >>> eddy_share(prototype(), points, np.array([0.1, 0.1])).round(3).tolist()
+    [0.795, 0.969]
     """
     edges = hybrid_edges(D0, np.asarray(points.D1), np.asarray(points.D2))
-    turns = np.exp(-1j * np.pi * _HARMONICS[:, None, None] * edges)
-    primary, secondary = turns[:, :2].sum(axis=1), turns[:, 2:].sum(axis=1)
-    voltage = points.V1_V * primary - converter.transformer.turns_ratio * points.V2_V * secondary
-    square = np.abs(voltage / _HARMONICS[:, None]) ** 2
-    left = 1.0 / (1.0 + (_HARMONICS / corner) ** 2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(left @ square / square.sum(axis=0))
+    nV2_V = converter.transformer.turns_ratio * np.asarray(points.V2_V)
+    return share_left(edges, np.asarray(points.V1_V), nV2_V, converter.inductor.winding.flattens_at_harmonic)

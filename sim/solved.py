@@ -43,7 +43,8 @@ def solve_points(model: Model, points: Points) -> Solved:
         at = f"D1 = {points.D1[k]:g}, D2 = {points.D2[k]:g}, {points.power_W[k]:g} W"  # type: ignore[index]
         raise ParameterError(f"{at} cannot run: {result.reason[k]}")
     converter, moved = model.altered_converter(), model.set_points(points)
-    state = operate(converter, moved).state
+    found = operate(converter, moved)
+    state = found.state
     D1, D2 = np.asarray(moved.D1), np.asarray(moved.D2)
     late = np.array([0.0, 0.0, 1.0, 1.0])[:, None] * converter.secondary_delay_s / converter.half_period_s
     V1 = moved.V1_V - converter.input_cable_Ohm * state.balance.I1_A
@@ -52,7 +53,7 @@ def solve_points(model: Model, points: Points) -> Solved:
         converter=converter,
         points=moved,
         temperatures=state.temperatures,
-        circuit=build_circuit(converter, state.temperatures, np.asarray(V1), np.asarray(V2)),
+        circuit=build_circuit(found.station.converter, state.temperatures, np.asarray(V1), np.asarray(V2)),
         edges=hybrid_edges(state.regulated.phase - centre_offset(D1, D2), D1, D2) + late,
         orbit=state.regulated.orbit,
         result=result,

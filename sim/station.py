@@ -9,17 +9,20 @@ from numpy.typing import NDArray
 
 from sim.bridges import part_names
 from sim.circuit import SwingCurves, Temperatures, build_circuit
+from sim.harmonics import share_left
 from sim.losses import conduction_losses, switching_losses
 from sim.magnetics import LinkCurrent, link_current, magnetic_losses
 from sim.modulation import centre_offset, hybrid_edges
 from sim.operating_points import Points
 from sim.parameters import Converter
+from sim.piecewise import phase_for_share
 from sim.prototype import prototype
 from sim.regulation import Regulated, carried, follow, regulate, spare_power
 from sim.stacking import pick, put
 from sim.steady_state import Accuracy, half_period
 from sim.thermal import temperatures
 from sim.waveform import Circuit
+from sim.wound_parts import Winding
 
 Array = NDArray[np.float64]
 
@@ -27,6 +30,7 @@ AT_INPUT, AT_OUTPUT = part_names(prototype())
 POWER = 2e-7  # of the output power, relative with 10 W as the least scale: inside the promised 1e-6
 KELVIN = 1e-4  # moves a loss of 10 W by 4 uW
 LEAST_W = 10.0
+_LATE = np.array([0.0, 0.0, 1.0, 1.0])[:, None]  # which edges a later secondary moves
 IN_LINK = ("inductor_copper", "inductor_core", "transformer_copper", "transformer_core", "link_resistance")
 
 
@@ -266,9 +270,31 @@ def _capacitor_V(converter: Converter, points: Points) -> Array:
     return np.asarray(points.V2_V + converter.output_cable_Ohm * points.power_W / points.V2_V)
 
 
+def _with_flat_windings(converter: Converter, edges: Array, points: Points, target_W: Array) -> Converter:
+    """The converter with the resistance that its windings have at each point's own harmonics.
+
+    They are those of the lossless waves, with the phase at which these carry the power.
+    """
+    V1_V, nV2_V = np.asarray(points.V1_V), converter.transformer.turns_ratio * np.asarray(points.V2_V)
+    scale_W = V1_V * nV2_V * converter.half_period_s / converter.inductor.inductance_H
+    way = np.where(target_W < 0, -1.0, 1.0)
+    phase = way * phase_for_share(way * target_W / scale_W, edges, way)
+    there = edges + _LATE * phase
+
+    def flat(winding: Winding) -> Winding:
+        left = share_left(there, V1_V, nV2_V, winding.flattens_at_harmonic)
+        return replace(winding, ac_extra=winding.ac_extra * left)
+
+    inductor, transformer = converter.inductor, converter.transformer
+    return replace(
+        converter,
+        inductor=replace(inductor, winding=flat(inductor.winding)),
+        transformer=replace(transformer, winding=flat(transformer.winding)),
+    )
+
+
 def station_of(converter: Converter, points: Points, warm: WarmStart | None) -> Station:
     D1, D2 = np.asarray(points.D1), np.asarray(points.D2)
-    late = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
     delivered = _delivered_W(converter, points)
     if warm is None:
         slow = Slow(
@@ -282,11 +308,12 @@ def station_of(converter: Converter, points: Points, warm: WarmStart | None) -> 
             target_W=delivered + warm.secondary_switching_W,
             I1_A=warm.I1_A,
         )
+    edges = hybrid_edges(-centre_offset(D1, D2), D1, D2)
+    edges = edges + _LATE * converter.secondary_delay_s / converter.half_period_s
     return Station(
-        converter=converter,
+        converter=_with_flat_windings(converter, edges, points, delivered),
         points=points,
-        edges=hybrid_edges(-centre_offset(D1, D2), D1, D2)
-        + late * converter.secondary_delay_s / converter.half_period_s,
+        edges=edges,
         swings=SwingCurves.of(converter, len(points)),
         slow=slow,
         warm=None if warm is None else warm.regulated,

@@ -29,16 +29,20 @@ class Core:
 class Winding:
     """A winding: dc resistance at 25 degC, and the extra resistance at the switching frequency, relative to that.
 
-    The extra grows with frequency squared (the low-frequency branch of Dowell's equation, which litz
-    wire keeps to well above the switching frequency).
+    The extra grows with frequency squared (the low-frequency branch of Dowell's equation) and flattens about the
+    harmonic ``flattens_at_harmonic``, where eddy currents' own field keeps them out of the strands.
     """
 
     resistance_Ohm: Quantity
     ac_extra: Quantity
     resistance_per_K: Quantity = 0.0039
+    flattens_at_harmonic: float = (
+        15.0  # Assumption: litz, its strands 0.4 of the skin depth at the switching frequency
+    )
 
     def __post_init__(self) -> None:
         not_negative(self, "resistance_Ohm", "ac_extra")
+        positive(self, "flattens_at_harmonic")
 
     def at(self, temperature_C: Quantity) -> Quantity:
         """Dc resistance in Ohm at a temperature.

@@ -157,8 +157,8 @@ def test_parameters_of_effects_end_in_a_listed_unit_or_have_none() -> None:
 # Numbers in files that need no unit; a new one is entered here, or ends in its unit.
 DIMENSIONLESS = {
     "converter": {
-        "current_exponent", "voltage_exponent", "grading", "saturation", "ac_extra", "alpha", "beta", "turns",
-        "turns_ratio",
+        "current_exponent", "voltage_exponent", "grading", "saturation", "ac_extra", "flattens_at_harmonic", "alpha",
+        "beta", "turns", "turns_ratio",
     },
     "bench.toml": {"input", "output", "link1", "link2", "unit", "speed", "start_D1", "start_D2"},
     "campaign.toml": {

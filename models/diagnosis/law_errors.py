@@ -1,9 +1,9 @@
 """How a cause's own formula is known to err: relative errors of what it does, of a shape that the set points tell.
 
-A resistance that rises with the square of frequency flattens at high harmonics, of which each set point has its own
-share. A core's loss depends on the core's temperature; ferrites have a minimum somewhere from 25 to 120 degC and lose
-half as much again 75 K away from it (makers' data sheets; Magnetics, *Designing with magnetic cores at high
-temperatures*). The simulator leaves both out.
+About which harmonic the windings' resistance flattens is roughly known, and each set point has its own share of what
+lies beyond. A core's loss depends on the core's temperature; ferrites have a minimum somewhere from 25 to 120 degC and
+lose half as much again 75 K away from it (makers' data sheets; Magnetics, *Designing with magnetic cores at high
+temperatures*). The simulator leaves that out.
 """
 
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from models.diagnosis.observations import Observations
 from sim.checks import HOTTEST_C
 from sim.effects.base import Effect
 from sim.harmonics import eddy_share
+from sim.operating_points import Points
 from sim.parameters import Converter
 from sim.simulate import Result
 
@@ -23,6 +24,7 @@ LawErrors = Callable[[Effect], list[Array]]  # of an effect: relative errors (M,
 
 # Assumption: of a core's loss by one sigma, for so many K of the core, and again for their square
 OF_WARMTH, WARMTH_K = 0.2, 60.0
+_FLATTENS = 0.5  # Assumption: of what flattening takes away, what it may take more or less, one sigma
 _HOT = 2.0  # times what the core is simulated to lose: heat that it has more where the cause is large
 
 
@@ -38,13 +40,19 @@ def law_errors(observations: Observations, near: Result, converter: Converter) -
 
     def errors(entry: Effect) -> list[Array]:
         found = []
-        if np.isfinite(entry.flattens_from):
-            found.append(1.0 - eddy_share(converter, points, np.asarray(near["D0"]), entry.flattens_from))
+        if entry.of_eddies:
+            found.append(of_flattening(converter, points, np.asarray(near["D0"])))
         if entry.core_of:
             found += _of_warmth(_core_C(entry.core_of, near, converter))
         return [np.nan_to_num(error)[row] for error in found]
 
     return errors
+
+
+def of_flattening(converter: Converter, points: Points, D0: Array) -> Array:
+    """Relative error (N,), one sigma, of what eddy currents lose at points with voltages."""
+    left = eddy_share(converter, points, D0)
+    return np.asarray(_FLATTENS * (1.0 / left - 1.0))
 
 
 def _core_C(part: str, near: Result, converter: Converter) -> Array:

@@ -105,8 +105,8 @@ class Effect:
 
     ``says`` what is wrong, and ``says_below`` where the headline comes out below off, if that is another sentence;
     ``below_off`` is what to check first there, where the effect itself does no such thing.
-    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. What rises
-    with the square of frequency may flatten about the harmonic ``flattens_from``, one sigma; what is lost in the
+    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. What
+    ``of_eddies`` in windings is lost goes by how far their resistance flattens at high harmonics; what is lost in the
     core of ``core_of``, inductor or transformer, depends on that core's temperature as well.
     ``thermometer`` is the column that reads the part of which the effect changes a property, where that property may go
     by the part's temperature and the simulation takes it as constant.
@@ -124,7 +124,7 @@ class Effect:
     below_off: str = ""
     threshold: bool = False
     law: float = 0.02
-    flattens_from: float = np.inf
+    of_eddies: bool = False
     core_of: str = ""
     thermometer: str = ""
     together: bool = False

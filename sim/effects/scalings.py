@@ -132,7 +132,7 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("inductor.winding.ac_extra", "transformer.winding.ac_extra"),
         change=_added,
         law=0.15,
-        flattens_from=15.0,  # Assumption: litz, its strands 0.4 of the skin depth at the switching frequency
+        of_eddies=True,
         says=(
             "the windings' resistance at the switching frequency is higher than modelled: skin and "
             "proximity effect"

@@ -70,7 +70,7 @@ def test_doubts_have_no_steps_where_a_swing_begins_to_be_cut_and_where_nothing_o
     assert np.max(np.abs(np.diff(doubts[:, :FIRST_MISSING], axis=0))) < 0.03
 
 
-def test_added_eddy_currents_are_doubted_by_what_they_lose_beyond_the_harmonic_where_they_flatten() -> None:
+def test_added_eddy_currents_are_doubted_by_half_of_what_flattening_takes_away() -> None:
     """By two simulations, of windings with what an effect adds and without; what is modelled has no such doubt."""
     places = Points(
         D1=np.array([1.0, 0.98, 0.9, 0.6]), D2=0.05, power_W=np.array([1800.0, 1800.0, 900.0, 400.0])
@@ -82,10 +82,10 @@ def test_added_eddy_currents_are_doubted_by_what_they_lose_beyond_the_harmonic_w
         with_[f"loss_{part}_copper_W"] - without[f"loss_{part}_copper_W"]
         for part in ("inductor", "transformer")
     )
-    share = eddy_share(prototype(), places.with_voltages_of(prototype()), with_["D0"], 15.0)
+    share = eddy_share(prototype(), places.with_voltages_of(prototype()), with_["D0"])
     found = law_doubts(with_, lossy)[:, FLATTENS]
     # what they add warms the windings, which lose up to a tenth of it more by their dc resistance
-    np.testing.assert_allclose(found, added_W * (1.0 - share), rtol=0.12)
+    np.testing.assert_allclose(found, added_W * 0.5 * (1.0 / share - 1.0), rtol=0.12)
     assert found[0] > 1.2 * found[1]  # where pulses are as wide as they go
     assert not np.any(law_doubts(without, plain)[:, FLATTENS])
 
@@ -96,8 +96,8 @@ def test_hot_windings_that_lose_less_are_cooler_and_lose_less_again() -> None:
     hot = Points(D1=np.array([1.0]), D2=0.05, power_W=np.array([1900.0]))
     lossy = plain.with_effect("skin_effect", extra_at_fs=1.0)
     with_ = simulate(lossy, hot)
-    (share,) = eddy_share(prototype(), hot.with_voltages_of(prototype()), with_["D0"], 15.0)
-    less = simulate(plain.with_effect("skin_effect", extra_at_fs=share), hot)
+    (share,) = eddy_share(prototype(), hot.with_voltages_of(prototype()), with_["D0"])
+    less = simulate(plain.with_effect("skin_effect", extra_at_fs=1.0 - 0.5 * (1.0 / share - 1.0)), hot)
     lost_W = [
         sum(found[f"loss_{part}_copper_W"][0] for part in ("inductor", "transformer"))
         for found in (with_, less)

@@ -15,6 +15,7 @@ from sim.simulate import simulate
 from sim.spread import Spread, shifted_together
 from sim.steady_state import COARSE, Circuit, periodic
 from tests.sim.orbits import PHASE_SHIFT, circuit, edges_at, random_duties
+from tests.sim.windings import never_flattening
 
 Array = NDArray[np.float64]
 COUNT = 200
@@ -152,7 +153,8 @@ def test_a_power_that_jumps_over_what_is_asked_is_not_told_as_the_most(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A choke that saturates in steps: no phase carries just this power, and a watt more or less is carried."""
-    straight = shifted_together(prototype(), [(Spread(path=path, sigma=-1.0), 1.0) for path in BENDS])
+    plain = never_flattening(prototype())
+    straight = shifted_together(plain, [(Spread(path=path, sigma=-1.0), 1.0) for path in BENDS])
     saturating = Model(converter=straight).with_effect("inductor_saturation", relative_drop=0.25)
     at, asked_W = {"D1": 0.4966830149472825, "D2": 0.12257459298940498}, 1702.682172776117
     around = simulate(saturating, Points(**at, power_W=asked_W + np.array([-0.5, 0.5])))
