@@ -17,6 +17,7 @@ of two edges in half periods:
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.checks import Quantity
 from sim.modulation import hybrid_edges
 from sim.operating_points import Points
 from sim.parameters import Converter
@@ -24,7 +25,7 @@ from sim.parameters import Converter
 Array = NDArray[np.float64]
 
 
-def share_left(edges: Array, V1_V: Array, nV2_V: Array, corner: float) -> Array:
+def share_left(edges: Array, V1_V: Array, nV2_V: Array, corner: Quantity) -> Array:
     """Of what eddy currents lose, the share (N,) that is left where their resistance flattens about a harmonic.
 
     ``edges`` (4, N) are in half periods. It counts against a resistance that rises with the square of frequency and is
@@ -39,7 +40,7 @@ def share_left(edges: Array, V1_V: Array, nV2_V: Array, corner: float) -> Array:
     products = amplitude[:, None] * amplitude[None]
     whole, lost = np.sum(products * square, axis=(0, 1)), np.sum(products * missing, axis=(0, 1))
     left = 1.0 - np.divide(lost, whole, out=np.zeros_like(whole), where=whole != 0.0)
-    return np.asarray((1.0 + corner**-2) * left)
+    return np.asarray((1.0 + 1.0 / np.square(corner)) * left)
 
 
 def eddy_share(converter: Converter, points: Points, D0: Array) -> Array:

@@ -2,7 +2,7 @@ r"""Efficiency models of virtual labs with a known effect, at 0.02 % noise of ef
 
 Scored against what the lab's analyzer would show without noise when the campaign ends (a lab that drifts is not what
 it was when it began), at points that were not measured: the calibrated simulator, D²EA, trees on measured points,
-trees on simulated points. The calibrated one has chosen the last of its points, where it was not sure of the
+trees on simulated points. The calibrated one has points far from each other and, last, where it was not sure of the
 optimum (:mod:`experiments.blind.chosen_points`); trees learn from as many random ones. Beside them stands the
 noise-limited bound of random points: an estimator that knew all of the lab's own laws, every part's spread and the
 instruments' specification, and had nothing to learn but where in them this lab lies, would have the covariance
