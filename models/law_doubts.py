@@ -15,6 +15,9 @@ much stays stored is a matter of their curves at low voltage.
 
 About which harmonic the eddy currents of a cause flatten is roughly known, and each place has its own share of what
 lies beyond: one error all over the map, and a little another one elsewhere. Pulses as wide as they go have most of it.
+
+What they do in swings is roughly known too (:mod:`models.eddy_doubts`): one error all over the map, along the ridges
+where a swing just ends in time.
 """
 
 from itertools import product
@@ -23,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.inaccuracy import BRIDGES, loss_sigmas_W
-from models.diagnosis.law_errors import of_flattening
+from models.eddy_doubts import eddy_doubts_W
 from sim.model import Model
 from sim.modulation import EDGES
 from sim.simulate import Result
@@ -32,19 +35,19 @@ Array = NDArray[np.float64]
 
 _LEFT = 0.5  # Assumption: of a law's doubt, what is left once the spreads of its own constants are fitted
 _ELSEWHERE = 0.4  # Assumption: of that, by how much it is another one elsewhere on the map
-_AGAIN = 0.8  # of a watt less, by how much a cooler winding loses less again: with more it would run away
 _SHARE = 0.2  # of a swing: over what the loss of a cut-short edge is smooth
 _HARD = 0.6  # Assumption: of what closing on a swing is doubted by, what is left where an edge is hard all the way
 _FLATTENS = 3  # the column of what eddy currents lose less at high harmonics
-_REST = 4  # the first column of what closing on the rest may be off by
+_IN_SWINGS = 4  # and of what they do in swings
+_REST = 5  # the first column of what closing on the rest may be off by
 _MISSING = _REST + len(EDGES)  # and of the shares
 COLUMNS = _MISSING + len(EDGES)
 _OF_BRIDGE = [[k for k, edge in enumerate(EDGES) if edge.startswith(bridge)] for bridge in BRIDGES]
 
 
 def law_doubts(result: Result, model: Model) -> Array:
-    """At N points, (N, COLUMNS): W by smooth laws, laws of edges, small and eddy currents, the rest by edge; then the
-    shares of swings that are missing.
+    """At N points, (N, COLUMNS): W by smooth laws, laws of edges, small currents, eddy currents (flattening, then in
+    swings), the rest by edge; then the shares of swings that are missing.
 
     ``model`` is the one that was simulated.
     """
@@ -55,31 +58,9 @@ def law_doubts(result: Result, model: Model) -> Array:
     # what closing on the rest costs goes to nothing itself where little is missing
     rest_W = rest_W * np.hypot(2 * (1 - missing), _HARD)
     small_W = np.linalg.norm(small_W, axis=0)
-    known = [_LEFT * smooth_W, _LEFT * edges_W, small_W, _flattens_W(result, model), *rest_W, *missing]
+    eddies_W = eddy_doubts_W(result, model)
+    known = [_LEFT * smooth_W, _LEFT * edges_W, small_W, *eddies_W, *rest_W, *missing]
     return np.asarray(np.nan_to_num(np.stack(known, axis=1)))
-
-
-def _flattens_W(result: Result, model: Model) -> Array:
-    """What a model's effects add to eddy currents, as far as their resistance may flatten more or less, (N,).
-
-    Windings that lose less are cooler, and lose less again.
-    """
-    plain, altered = model.converter, model.altered_converter()
-    square_A2 = np.asarray(result["I_L_rms_A"]) ** 2
-    added_W = np.zeros_like(square_A2)
-    for part in ("inductor", "transformer"):
-        own, there = getattr(plain, part).winding, getattr(altered, part)
-        winding = there.winding
-        if winding.ac_extra != own.ac_extra:
-            copper_W, dc_Ohm = result[f"loss_{part}_copper_W"], winding.at(result[f"T_{part}_C"])
-            eddy_W = (copper_W - dc_Ohm * square_A2) * (1.0 - own.ac_extra / winding.ac_extra)
-            per_K = winding.resistance_per_K * winding.resistance_Ohm / dc_Ohm
-            again = np.minimum(there.thermal_K_per_W * per_K * copper_W, _AGAIN)
-            added_W += eddy_W / (1.0 - again)
-    if not np.any(added_W):
-        return added_W
-    at = result.points.with_voltages_of(plain)
-    return np.asarray(added_W * of_flattening(altered, at, np.asarray(result["D0"])))
 
 
 def law_covariance(a: Array, b: Array, alike: tuple[Array, Array], doubt: float = 1.0) -> Array:
@@ -91,6 +72,7 @@ def law_covariance(a: Array, b: Array, alike: tuple[Array, Array], doubt: float 
     found = doubt**2 * (np.outer(a[:, 0], b[:, 0]) * smooth + np.outer(a[:, 1], b[:, 1]) * at_edges)
     found = found + np.outer(a[:, 2], b[:, 2]) * at_edges
     found = found + np.outer(a[:, _FLATTENS], b[:, _FLATTENS]) * (1 + _ELSEWHERE**2 * smooth)
+    found = found + np.outer(a[:, _IN_SWINGS], b[:, _IN_SWINGS]) * (1 + _ELSEWHERE**2 * at_edges)
     for edges in _OF_BRIDGE:
         for one, other in product(edges, edges):
             apart = a[:, _MISSING + one, None] - b[:, _MISSING + other]

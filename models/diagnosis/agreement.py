@@ -31,10 +31,12 @@ class Confirmed:
 def confirmed(setting: Setting, best: Hypothesis) -> list[Confirmed]:
     """Rows with widened readings of which two elements miss the same beside the ``best`` explanation, clearest first.
 
-    A reading is predicted from all other rows, and has the noise of its channel, however far it was widened.
+    A reading is predicted from all other rows, and has the noise of its channel, however far it was widened. A row that
+    carries no watt more, as the simulator has it, does not tell an output read wrongly from a loss.
     """
     refinery = setting.refinery
     rows = _widened(refinery.observations, setting.sigma > setting.usual)
+    rows = rows[np.all(refinery.known.per_watt[rows] != 0.0, axis=1)]
     if not rows.size:
         return []
     each = np.zeros((rows.size, setting.sigma.size))

@@ -121,6 +121,13 @@ def loss_sigmas_W(near: Result, converter: Converter) -> tuple[Array, Array, Arr
     )
 
 
+def at_edges_W(near: Result) -> Array:
+    """What all laws of edges make of N points together, (N,)."""
+    return np.asarray(
+        np.sum([near[f"loss_{part}_W"] for part, _, at_edges in _parts(near) if at_edges], axis=0)
+    )
+
+
 def _showing(part: str) -> tuple[str, ...]:
     """The channels of power that a loss part, or an edge, lies behind."""
     if part.startswith("primary"):

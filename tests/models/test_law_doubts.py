@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from models.calibrated import PLAIN, Leftover
+from models.eddy_doubts import PARTS
 from models.law_doubts import COLUMNS, law_covariance, law_doubts
 from sim.harmonics import eddy_share
 from sim.losses import missing_losses
@@ -13,7 +14,7 @@ from sim.model import Model
 from sim.prototype import prototype
 from sim.simulate import Points, simulate
 
-FLATTENS, FIRST_REST, FIRST_MISSING = 3, 4, 8  # of both, the primary's edges come first
+FLATTENS, IN_SWINGS, FIRST_REST, FIRST_MISSING = 3, 4, 5, 9  # of both, the primary's edges come first
 FAR = (np.zeros((2, 2)), np.zeros((2, 2)))  # points that have nothing in common on the map
 
 
@@ -78,16 +79,13 @@ def test_added_eddy_currents_are_doubted_by_half_of_what_flattening_takes_away()
     plain = Model.baseline()
     lossy = plain.with_effect("skin_effect", extra_at_fs=0.1)
     with_, without = (simulate(model, places) for model in (lossy, plain))
-    added_W = sum(
-        with_[f"loss_{part}_copper_W"] - without[f"loss_{part}_copper_W"]
-        for part in ("inductor", "transformer")
-    )
+    added_W = sum(with_[f"loss_{part}_copper_W"] - without[f"loss_{part}_copper_W"] for part in PARTS)
     share = eddy_share(prototype(), places.with_voltages_of(prototype()), with_["D0"])
     found = law_doubts(with_, lossy)[:, FLATTENS]
     # what they add warms the windings, which lose up to a tenth of it more by their dc resistance
     np.testing.assert_allclose(found, added_W * 0.5 * (1.0 / share - 1.0), rtol=0.12)
     assert found[0] > 1.2 * found[1]  # where pulses are as wide as they go
-    assert not np.any(law_doubts(without, plain)[:, FLATTENS])
+    assert not np.any(law_doubts(without, plain)[:, [FLATTENS, IN_SWINGS]])
 
 
 def test_hot_windings_that_lose_less_are_cooler_and_lose_less_again() -> None:
@@ -98,12 +96,45 @@ def test_hot_windings_that_lose_less_are_cooler_and_lose_less_again() -> None:
     with_ = simulate(lossy, hot)
     (share,) = eddy_share(prototype(), hot.with_voltages_of(prototype()), with_["D0"])
     less = simulate(plain.with_effect("skin_effect", extra_at_fs=1.0 - 0.5 * (1.0 / share - 1.0)), hot)
-    lost_W = [
-        sum(found[f"loss_{part}_copper_W"][0] for part in ("inductor", "transformer"))
-        for found in (with_, less)
-    ]
+    lost_W = [sum(found[f"loss_{part}_copper_W"][0] for part in PARTS) for found in (with_, less)]
     # to first order: they are 4 K cooler then. Without that the doubt is three quarters of this.
     assert law_doubts(with_, lossy)[0, FLATTENS] == pytest.approx(lost_W[0] - lost_W[1], rel=0.05)
+
+
+def test_added_eddy_currents_may_help_in_swings_or_not() -> None:
+    """Beside the catalogue's own resistance in series, as much as they add at the temperatures that windings have.
+
+    The last place has soft edges, and is doubted by what turning off an ampere less makes.
+    """
+    on_ridges = Points(
+        D1=np.array([0.83, 0.80, 0.77, 0.93, 0.50]), D2=np.array([0.155, 0.185, 0.205, 0.045, 0.05]),
+        power_W=np.array([500.0, 500.0, 500.0, 500.0, 1000.0]),
+    )  # fmt: skip
+    plain = Model.baseline()
+    beside = plain.with_effect("skin_effect", extra_at_fs=1.0)
+    result = simulate(beside, on_ridges)
+    windings = plain.converter.inductor.winding, plain.converter.transformer.winding
+    added_Ohm = sum(w.at(result[f"T_{part}_C"]) for w, part in zip(windings, PARTS, strict=True))
+    doubted_W = law_doubts(result, beside)[:, IN_SWINGS]
+    for k, resistance_Ohm in enumerate(added_Ohm):
+        place = on_ridges.take(np.array([k]))
+        in_series = simulate(
+            plain.with_effect("link_resistance", resistance_Ohm=float(resistance_Ohm)), place
+        )
+        lost_W = [
+            sum(w for name, w in found.values.items() if name.endswith(("switching_W", "recovery_W")))
+            for found in (in_series, result.take(np.array([k])))
+        ]
+        assert doubted_W[k] == pytest.approx(lost_W[0].item() - lost_W[1].item(), abs=1e-3)
+    assert np.all(doubted_W[:4] > 0.02)  # W: 0.004 to 0.012 points of efficiency
+
+
+def test_what_eddy_currents_do_in_swings_is_one_error_all_over_the_map() -> None:
+    doubts = np.zeros((2, COLUMNS))
+    doubts[:, IN_SWINGS] = 0.05, -0.02
+    for alike, expected in ((1.0, 1.16), (0.0, 1.0)):
+        found = law_covariance(doubts, doubts, (np.zeros((2, 2)), np.full((2, 2), alike)), doubt=0.1)
+        assert found[0, 1] == pytest.approx(-1e-3 * expected)
 
 
 def test_eddy_currents_are_off_alike_everywhere_and_a_little_otherwise_elsewhere() -> None:

@@ -66,3 +66,10 @@ def test_what_one_element_misses_or_all_alike_is_an_outlier(
     bench: tuple[Observations, Signatures], channels: tuple[str, ...]
 ) -> None:
     assert not found(bench, *channels)
+
+
+def test_a_row_that_carries_no_watt_more_confirms_nothing(bench: tuple[Observations, Signatures]) -> None:
+    observations, known = bench
+    still = replace(known, per_watt=np.where(observations.row == ROW, 0.0, known.per_watt))
+    with np.errstate(invalid="raise"):
+        assert not found((observations, still), *AHEAD)
