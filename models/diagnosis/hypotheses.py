@@ -101,7 +101,7 @@ class Term:
         ``of_shapes`` is how far the law's shapes already let the fit be off, part of ``sigma``: its level is the rest.
         """
         entry = self.signature.entry
-        level = math.sqrt(max((entry.law * self.distance) ** 2 - of_shapes**2, 0.0))
+        level = math.sqrt(max((entry.law_at(self.value) * self.distance) ** 2 - of_shapes**2, 0.0))
         return math.hypot(self.sigma, self.spread, level)
 
     def aside(self, share: float) -> Self:

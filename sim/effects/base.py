@@ -5,6 +5,7 @@ threshold also overrides ``undecided``, which changes nothing: it tells which po
 Its OFF value leaves results bit-identical.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
@@ -105,7 +106,8 @@ class Effect:
 
     ``says`` what is wrong, and ``says_below`` where the headline comes out below off, if that is another sentence;
     ``below_off`` is what to check first there, where the effect itself does no such thing.
-    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. What
+    ``law`` is how well the effect's own formula is known: the relative error, one sigma, of what it does. A value of v
+    that is ``extrapolated`` from where readings lie to where it is stated is good to that times v beside. What
     ``of_eddies`` in windings is lost goes by how far their resistance flattens at high harmonics; what is lost in the
     core of ``core_of``, inductor or transformer, depends on that core's temperature as well.
     ``thermometer`` is the column that reads the part of which the effect changes a property, where that property may go
@@ -124,6 +126,7 @@ class Effect:
     below_off: str = ""
     threshold: bool = False
     law: float = 0.02
+    extrapolated: float = 0.0
     of_eddies: bool = False
     core_of: str = ""
     thermometer: str = ""
@@ -189,6 +192,10 @@ class Effect:
     def spread_at(self, value: float, everyday: float) -> float:
         """How far the parts' spread, that moves the headline by ``everyday`` at off, moves it at a value, one sigma."""
         return everyday
+
+    def law_at(self, value: float) -> float:
+        """How well exact readings tell a value: the relative error of its distance from off, one sigma."""
+        return math.hypot(self.law, self.extrapolated * (value - self.headline.off))
 
     def near(self, threshold: str, state: Array, sigma: Array | float, values: Values) -> Array:
         """How little a state (N,), good to ``sigma``, tells on which side of that threshold it is, 0 to 1.

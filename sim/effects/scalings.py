@@ -165,6 +165,8 @@ SCALINGS: tuple[Effect, ...] = (
         paths=("inductor.saturation",),
         change=_added,
         law=0.1,
+        # Assumption: uniform within what a parabola with the same small currents drops more there, d^2 / (1 - d)
+        extrapolated=0.7,
         says="the link inductance falls with current: its core saturates, at 15 A by that much",
         check_on_bench="look at the link current's corners at full load with a current probe: are they pointed?",
     ),

@@ -186,3 +186,16 @@ def test_a_current_that_the_lower_range_shows_has_the_step_in_it() -> None:
     state, sigma = {"I1_A": seen_A}, {"I1_A": np.zeros(4)}
     # as far above as two prior scales of a step show it, and the boundary's own tolerance: 5.06 A
     np.testing.assert_array_equal(entry.undecided(points, state, sigma, {}) > 0.5, [True, True, True, False])
+
+
+def test_a_saturation_told_at_small_currents_may_be_a_parabolas() -> None:
+    """Two cores that are the same there: the interval of the one holds the other's drop where it is stated."""
+    entry, stated_A, small_A = effect("inductor_saturation"), 15.0, 3.0
+    for drop in (0.1, 0.2, 0.3):
+        model = Model.baseline().with_effect("inductor_saturation", relative_drop=drop)
+        choke = model.altered_converter().inductor
+        lost = 1.0 - choke.flux_Vs(np.array(small_A)).item() / (choke.inductance_H * small_A)
+        parabolas = lost * stated_A**2 / (small_A**2 / 3)  # over the mean of i^2 on the way
+        assert drop < parabolas < drop * (1 + 1.96 * entry.law_at(drop))
+    assert entry.law_at(entry.headline.off) == entry.law
+    assert effect("link_resistance").law_at(0.3) == effect("link_resistance").law
