@@ -6,6 +6,8 @@
 import pytest
 from hypothesis import settings
 
+import bench  # noqa: F401  before any test brings numpy: one thread of linear algebra a process, as commands have
+
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.load_profile("same")
 
