@@ -2,10 +2,10 @@
 
 ::
 
-    schema      3
+    schema      4
     model       the calibrated simulator as plain data: modulation, converter, effects with their values
     variants    the same, one standard deviation along each axis of what the measurements left open
-    leftover    its readings' places, weights and noise, (N, 17), (N,) and (N,), lengths (4,), sizes
+    leftover    its readings' places, weights and noise, (N, 18), (N,) and (N,), lengths (4,), sizes
     bench       V1_V, V2_V, ambient_C and time_s that it speaks of
 """
 
@@ -20,7 +20,7 @@ from models.calibrated import PLAIN, CalibratedPhysics, Leftover
 from models.law_doubts import COLUMNS
 from sim.model import Model
 
-SCHEMA = 3
+SCHEMA = 4
 _BENCH = ("V1_V", "V2_V", "ambient_C", "time_s")
 
 
