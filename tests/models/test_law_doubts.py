@@ -125,6 +125,7 @@ def test_added_eddy_currents_may_help_in_swings_or_not() -> None:
             sum(w for name, w in found.values.items() if name.endswith(("switching_W", "recovery_W")))
             for found in (in_series, result.take(np.array([k])))
         ]
+        # W: the link's resistance does not warm the windings, which moves currents by less than a thousandth
         assert doubted_W[k] == pytest.approx(lost_W[0].item() - lost_W[1].item(), abs=1e-3)
     assert np.all(doubted_W[:4] > 0.02)  # W: 0.004 to 0.012 points of efficiency
 

@@ -63,6 +63,15 @@ def test_a_values_uncertainty_holds_what_its_law_and_its_part_are_worth() -> Non
     assert term.sigma > 2 * named(WRONG - 0.1 * GROWING * BENT, 0.0).terms[0].sigma
 
 
+def test_a_value_that_is_extrapolated_is_the_less_sure() -> None:
+    (term,) = named(WRONG, 0.05).terms
+    entry = replace(term.signature.entry, extrapolated=0.7)
+    further = replace(term, signature=replace(term.signature, entry=entry))
+    expected = np.hypot(term.uncertainty(0.0), 0.7 * term.value * term.distance)
+    assert further.uncertainty(0.0) == pytest.approx(expected, rel=1e-12)  # rounding
+    assert expected > 1.5 * term.uncertainty(0.0)
+
+
 def test_what_a_law_is_worth_counts_once() -> None:
     there, fit = bench(WRONG, LAW), named(WRONG, LAW)
     (term,) = fit.terms
