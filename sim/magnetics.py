@@ -1,7 +1,7 @@
 r"""Copper and core losses of inductor and transformer, from the true current and flux.
 
-Copper: the resistance of harmonic k is R_dc (1 + c k^2) with c the extra at the switching frequency, so
-by Parseval no Fourier series is needed:
+Copper: the resistance of harmonic k is R_dc (1 + c k^2) with c the extra at the switching frequency, or what flattening
+leaves of it at a point (:mod:`sim.harmonics`), so by Parseval no Fourier series is needed:
 
 .. math:: \sum_k R_k I_k^2 = R_{dc} (I_{rms}^2 + c \, \langle \dot\imath^2 \rangle / \omega_s^2)
 
