@@ -165,10 +165,19 @@ class Adaptive:
         return (_load(allowed[k], why) for k in unsure.chosen), said
 
     def _undecided(self, found: "Diagnosis", so_far: "_SoFar") -> list[PlannedPoint]:
-        """Tops of hills that may be the highest of their load; none where what that costs is little."""
+        """Loads of which nobody knows whether they are carried, else tops of hills that may be the highest of theirs.
+
+        None where what that costs is little.
+        """
         from models.rival_hills import RivalHills
 
-        rivals = RivalHills.of(found.calibrated, np.linspace(*self.campaign.ranges.power_W, _LOADS))
+        loads_W = np.linspace(*self.campaign.ranges.power_W, _LOADS)
+        may = found.calibrated.worth_a_try(loads_W)
+        untried = [place for place in may[self._settable(may, so_far)] if _load(place, "") not in so_far]
+        if untried:
+            why = "may be the most that can be carried, or more: only who measures there knows"
+            return [_load(place, why) for place in untried[: self._settings.at_once]]
+        rivals = RivalHills.of(found.calibrated, loads_W)
         lost = float(np.max(rivals.lost(), initial=0.0))
         if lost <= self._settings.lost:
             return []
@@ -262,6 +271,10 @@ class _SoFar:
             counts=Counter(map(_place, planned)),
             refused=frozenset((r.D1, r.D2, r.power_W) for r in tried if r.point not in accepted),
         )
+
+    def __contains__(self, row: PlannedPoint) -> bool:
+        """Whether its point was planned before."""
+        return _place(row) in self.numbers
 
     @property
     def reference(self) -> PlannedPoint | None:

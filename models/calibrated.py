@@ -13,7 +13,7 @@ is kept again at one standard deviation along each of Sigma's axes: the squares 
 and the process's own variance, add up.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -24,24 +24,19 @@ from models.diagnosis.covariance import AT_EDGES, kernel
 from models.diagnosis.whitener import Whitener
 from models.feasibility import LONGER
 from models.law_doubts import law_covariance, law_doubts
+from models.most_carried import NOTHING, Most, carries, most_sigma
 from models.surrogate import EfficiencyModel, StagedModel
 from sim.model import Model
 from sim.modulation import infeasible_pulse
 from sim.operating_points import Points
 from sim.parameters import Converter
-from sim.simulate import Result, can_run, each_can_run, simulate, simulate_many
+from sim.simulate import Result, simulate, simulate_many
 from sim.size import size
 
 Array = NDArray[np.float64]
 
 PLAIN = 5  # columns of a place without its laws' doubts
-_SURE = 2.0  # standard deviations of the most that can be carried
 _EDGES = 2e-3  # Assumption: of the half period, how well a calibrated model knows where an edge just switches softly
-_LIMIT = 2e-3  # Assumption: of it, how well the simulator itself knows it
-_COARSE = np.arange(0.5, 2.0, 2e-3)  # powers tried for the most, of the rated one
-_FINE = np.arange(0.95, 1.05, 2e-4)  # and of what was found
-_STRIDE = 15
-_TIMES = 10  # the range of them is doubled or halved until it holds the most: up to a thousand times
 _STRETCH = 128  # places whose covariances fit a core's cache: all at once take four times as long
 
 
@@ -112,7 +107,8 @@ class Leftover:
 class CalibratedPhysics:
     """An efficiency model: a calibrated simulator, its variants, and the leftover that it could not take up.
 
-    It speaks of the bench as it was at ``time_s``, when the last row was measured.
+    It speaks of the bench as it was at ``time_s``, when the last row was measured. ``shown`` is by how much more power
+    than the model carries some row ran, relative: below zero where the model carries them all.
     """
 
     model: Model
@@ -122,6 +118,7 @@ class CalibratedPhysics:
     V2_V: float
     ambient_C: float
     time_s: float
+    shown: float = NOTHING
 
     def predict(self, D1: ArrayLike, D2: ArrayLike, power_W: ArrayLike) -> Array:
         """Efficiency as a fraction, of the inputs' broadcast shape; NaN where the model cannot run."""
@@ -146,38 +143,26 @@ class CalibratedPhysics:
 
     def vouched(self) -> "Vouched":
         """The same model, without the points of which it is not sure that they can be made and carry their power."""
-        return Vouched(of=self, spare=_SURE * self._limit_sigma())
+        return Vouched(of=self, spare=1 / (1 + self.most().least) - 1)
 
-    def _limit_sigma(self) -> float:
-        """Standard deviation of the most that can be carried, relative, with the widest pulses."""
-        (about_W,) = self._most_W([self.model], self._around_the_most_W())
-        nominal_W, *most_W = self._most_W([self.model, *self.variants], about_W * _FINE)
-        return float(np.hypot(np.linalg.norm(np.array(most_W) / nominal_W - 1), _LIMIT))
+    def most(self) -> Most:
+        """What is known of the most that can be carried, over what this model carries."""
+        return Most(sigma=most_sigma([self.model, *self.variants], self._widest), shown=self.shown)
 
-    def _around_the_most_W(self) -> Array:
-        """Powers of which the least is carried and the largest is not, about the rated one where that is among them."""
-        tried_W = self.model.altered_converter().rated_power_W * _COARSE
-        for _ in range(_TIMES):
-            least, largest = np.asarray(can_run(self.model, self._widest(tried_W[[0, -1]])))
-            if least and not largest:
-                break
-            tried_W = tried_W * (2.0 if least else 0.5)
-        return tried_W
+    def worth_a_try(self, loads_W: Array) -> Array:
+        """Of loads (L,) those that may be carried and are vouched for nowhere: the points of the widest pulses, (K, 3).
 
-    def _most_W(self, models: Sequence[Model], tried_W: Array) -> Array:
-        """The largest of the ascending powers tried that each model carries: roughly, then among those near it."""
-        rough = self._last(models, tried_W[::_STRIDE]) * _STRIDE
-        near = tried_W[rough.min() : rough.max() + _STRIDE]
-        return np.asarray(near[self._last(models, near)])
-
-    def _last(self, models: Sequence[Model], tried_W: Array) -> NDArray[np.intp]:
-        """Which of the powers is the last that each model carries, the first where it carries none."""
-        carried = np.count_nonzero(each_can_run(models, self._widest(tried_W)), axis=1)
-        return np.asarray(np.maximum(carried - 1, 0))
+        Only who measures there knows.
+        """
+        most = self.most()
+        surely, perhaps = (
+            carries(self.model, self._widest(loads_W / (1 + end))) for end in (most.least, most.greatest)
+        )
+        return _at_the_widest(loads_W[perhaps & ~surely])
 
     def _widest(self, power_W: Array) -> Points:
         """Powers (K,) with the widest pulses."""
-        return self._points(np.stack([np.ones_like(power_W), np.zeros_like(power_W), power_W], axis=1))
+        return self._points(_at_the_widest(power_W))
 
     def _now(self, place: Array, found: Result) -> Array:
         """Points (K, 3) with the time, the loss, and what the laws there may be wrong by."""
@@ -189,6 +174,11 @@ class CalibratedPhysics:
         return Points(
             D1=D1, D2=D2, power_W=power_W, V1_V=self.V1_V, V2_V=self.V2_V, ambient_C=self.ambient_C, time_s=self.time_s
         )  # fmt: skip
+
+
+def _at_the_widest(power_W: Array) -> Array:
+    """Powers (K,) with the widest pulses, (K, 3)."""
+    return np.stack([np.ones_like(power_W), np.zeros_like(power_W), power_W], axis=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,7 +200,7 @@ class Vouched:
         dead = LONGER * converter.dead_share
         sure = np.flatnonzero(infeasible_pulse(place[:, 0], place[:, 1], dead) == "")
         more = place[sure] * (1.0, 1.0, 1 + self.spare)
-        sure = sure[can_run(self.of.model, self.of._points(more))]
+        sure = sure[carries(self.of.model, self.of._points(more))]
         efficiency = np.full(len(place), np.nan)
         if sure.size:
             efficiency[sure] = self.of.predict(*place[sure].T)

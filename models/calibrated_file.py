@@ -2,11 +2,11 @@
 
 ::
 
-    schema      4
+    schema      5
     model       the calibrated simulator as plain data: modulation, converter, effects with their values
     variants    the same, one standard deviation along each axis of what the measurements left open
     leftover    its readings' places, weights and noise, (N, 18), (N,) and (N,), lengths (4,), sizes
-    bench       V1_V, V2_V, ambient_C and time_s that it speaks of
+    bench       V1_V, V2_V, ambient_C and time_s that it speaks of, and what rows have shown of the most that it carries
 """
 
 import json
@@ -20,8 +20,8 @@ from models.calibrated import PLAIN, CalibratedPhysics, Leftover
 from models.law_doubts import COLUMNS
 from sim.model import Model
 
-SCHEMA = 4
-_BENCH = ("V1_V", "V2_V", "ambient_C", "time_s")
+SCHEMA = 5
+_BENCH = ("V1_V", "V2_V", "ambient_C", "time_s", "shown")
 
 
 class CalibratedFileError(ValueError):

@@ -7,7 +7,8 @@ is moved by
 .. math:: \delta = \frac{s^T C^{-1} r}{s^T C^{-1} s + 1 / \sigma^2}
 
 with r what the fitted simulator leaves of all readings of efficiency, s its change with the relative inductance, and C
-the leftover's covariance.
+the leftover's covariance. Rows so near the edge that this does not tell have run all the same, and show what is carried
+(:mod:`models.most_carried`): the inductance is moved by what that makes of the most, on average.
 """
 
 from collections.abc import Iterator
@@ -22,8 +23,11 @@ from models.diagnosis.hypotheses import Fit
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.law_doubts import COLUMNS, law_doubts
+from models.most_carried import Most, above_the_most
+from models.set_points import set_power
 from sim.effects.catalogue import effect
 from sim.model import Model
+from sim.operating_points import Points
 from sim.simulate import Result
 
 Array = NDArray[np.float64]
@@ -35,6 +39,7 @@ _SMOOTHER = 5 / 3  # than the laws: what a fit leaves is, over half of D1 and D2
 _INDUCTANCE = 2e-3  # relative: how well the edge is known when all other readings are fitted
 _ASIDE = 1e-3  # relative: from the inductance to those that tell its slope
 _SMOOTH = 5e-4  # of the rated power: a reading's bend over them; where it bends more, an edge passes another
+_AS_SET = 2e-3  # relative: a power that is read nearer than that to the one that was set is that one
 _INPUT = 5e-4  # relative: how well the power, in units of the inductance, is known at a reading
 
 
@@ -139,20 +144,24 @@ def calibrate(refinery: Refinery, fit: Fit, sigma: Array, edge: Observations) ->
         doubt=refinery.known.doubt,
     ).of(refinery.baseline.converter)
     model = refinery.model(fit, refinery.spreads(fit))
-    off, leftover = _fitted(model, readings, empty)
-    return CalibratedPhysics(
-        model=_moved(model, off),
-        variants=tuple(_moved(variant, off) for variant in _variants(refinery, fit)),
-        leftover=leftover,
+    off, readings, smooth = _by_slopes(model, readings, empty)
+    physics = CalibratedPhysics(
+        model=model,
+        variants=tuple(_variants(refinery, fit)),
+        leftover=empty,
         V1_V=float(np.median(np.asarray(p.V1_V))),
         V2_V=float(np.median(model.set_points(p).V2_V[observations.loaded])),  # type: ignore[index]
         ambient_C=float(np.median(np.asarray(p.ambient_C))),
         time_s=float(time_s.max()),
     )
+    physics = _carrying(_with_inductance(physics, off), _ran(edge))
+    return replace(physics, leftover=_leftover(physics.model, readings, smooth, empty))
 
 
-def _fitted(model: Model, readings: _Readings, empty: Leftover) -> tuple[float, Leftover]:
-    """How far the inductance is off, and the leftover beside the model with that inductance."""
+def _by_slopes(
+    model: Model, readings: _Readings, empty: Leftover
+) -> tuple[float, _Readings, NDArray[np.bool_]]:
+    """How far the inductance is off, and the readings, as noisy as its slope makes them, with those that are smooth."""
     here, *aside = readings.simulated([model, _moved(model, _ASIDE), _moved(model, -_ASIDE)])
     simulated, more, less = here.value, *(each.value for each in aside)
     slope, bend = (more - less) / (2 * _ASIDE), np.abs(more - 2 * simulated + less)
@@ -161,11 +170,36 @@ def _fitted(model: Model, readings: _Readings, empty: Leftover) -> tuple[float, 
     solved = readings.beside(here, smooth, empty).solver()
     s, r = slope[smooth], (readings.value - simulated)[smooth]
     off = float(s @ solved(r) / (s @ solved(s) + _INDUCTANCE**-2)) if r.size else 0.0
-    (there,) = readings.simulated([_moved(model, off)])
+    return off, readings, smooth
+
+
+def _carrying(physics: CalibratedPhysics, ran: Points) -> CalibratedPhysics:
+    """The same with an inductance that carries what points ``ran`` show to be carried."""
+    above = above_the_most(physics.model, ran)
+    if not above.size:
+        return physics
+    most = Most.of(physics.most().sigma, above)
+    carrying = _with_inductance(physics, 1 / (1 + most.mean) - 1)
+    return replace(carrying, shown=(1 + most.shown) / (1 + most.mean) - 1)
+
+
+def _leftover(model: Model, readings: _Readings, smooth: NDArray[np.bool_], empty: Leftover) -> Leftover:
+    """What is left of smooth readings beside a model."""
+    (there,) = readings.simulated([model])
     left = readings.value - there.value
     usable = smooth & np.isfinite(left)
     prior = readings.beside(there, usable, empty)
-    return off, prior.fitted(left[usable], prior.noise_W)
+    return prior.fitted(left[usable], prior.noise_W)
+
+
+def _ran(edge: Observations) -> Points:
+    """The points near the edge that ran under load, at the power that was set where that is what was read."""
+    rows = np.unique(edge.row[_loaded(edge)])
+    read = edge.frame["P2_W"]
+    set_W = np.asarray(set_power(edge.frame, read), dtype=float)[rows]
+    points = edge.points.take(rows)
+    as_set = np.abs(set_W / points.power_W - 1) < _AS_SET
+    return replace(points, power_W=np.where(as_set, set_W, points.power_W))
 
 
 def _loaded(observations: Observations) -> NDArray[np.bool_]:
@@ -176,6 +210,12 @@ def _where(observations: Observations) -> Array:
     """D1, D2, power and time of every reading, (N, 4)."""
     p = observations.points
     return np.stack([p.D1, p.D2, p.power_W, p.time_s], axis=1)[observations.row]
+
+
+def _with_inductance(physics: CalibratedPhysics, off: float) -> CalibratedPhysics:
+    """The same physics, every model of it with another link inductance."""
+    variants = tuple(_moved(variant, off) for variant in physics.variants)
+    return replace(physics, model=_moved(physics.model, off), variants=variants)
 
 
 def _moved(model: Model, off: float) -> Model:

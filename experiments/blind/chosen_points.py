@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import Schedule, schedule, survey
 from experiments.harness.lab_data import REFERENCE_EVERY, random_set_points
+from models.calibrated import CalibratedPhysics
 from models.dataset import load_measurements
 from models.diagnosis.diagnose import Diagnosis, diagnose
 from models.rival_hills import RivalHills
@@ -67,8 +68,16 @@ def measured(lab: Laboratory, size: int, loads_W: Array, *, seed: int) -> Diagno
     points = _apart(count - _ROUNDS * each)
     table = survey(lab, _schedule(points), seed=seed)
     for turn in range(1, _ROUNDS + 1):
-        rivals = RivalHills.of(diagnose(load_measurements(table)).calibrated, loads_W)
-        points = np.concatenate([points, rivals.place[rivals.chosen(each)]])
+        chosen = _deciding(diagnose(load_measurements(table)).calibrated, loads_W, points, each)
+        points = np.concatenate([points, chosen])
         whole = survey(lab, _schedule(points), seed=seed + _ANOTHER * turn)
         table = pd.concat([table, whole[whole["time_s"] > table["time_s"].max()]], ignore_index=True)
     return diagnose(load_measurements(table))
+
+
+def _deciding(model: CalibratedPhysics, loads_W: Array, tried: Array, count: int) -> Array:
+    """So many points (count, 3) that decide the optimum: loads that may be carried, then hills that may be highest."""
+    may = model.worth_a_try(loads_W)
+    untried = may[~np.any(np.all(may[:, None] == tried, axis=2), axis=1)][:count]
+    rivals = RivalHills.of(model, loads_W)
+    return np.concatenate([untried, rivals.place[rivals.chosen(count - len(untried))]])

@@ -18,6 +18,7 @@ from bench.progress import Progress
 from bench.states import State
 from bench.store import Store
 from sim.model import Model
+from sim.simulate import Points, simulate
 from tests.bench.fake_bench import FakeInstruments, bench_config, campaign_config, memory, predict
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
 
@@ -276,14 +277,35 @@ def from_250_W(asked: Asked) -> Forecast:
     return replace(forecast, feasible=forecast.feasible & (asked.power_W >= 250.0))
 
 
-def test_rows_are_chosen_where_the_optimum_is_not_decided_and_may_be_set(adaptive: Adaptive) -> None:
+def quiet_table() -> pd.DataFrame:
+    """A campaign of the baseline with 0.02 % noise of efficiency."""
     table = simulated_campaign(Model.baseline(), seed=3, count=24)
-    noise = 1 + 2e-4 * np.random.default_rng(5).standard_normal(len(table))  # 0.02 % of efficiency
-    table = table.assign(
+    noise = 1 + 2e-4 * np.random.default_rng(5).standard_normal(len(table))
+    return table.assign(
         P1_W=table["P1_W"] * noise, efficiency=table["efficiency"] / noise, point=range(len(table))
     )
-    settings = campaign_config(plan={**PLAN, "adaptive": {"probability": 0.51}})  # no cause is in question
+
+
+NO_CAUSE_IN_QUESTION = {**PLAN, "adaptive": {"probability": 0.51}}
+
+
+def test_rows_are_chosen_where_the_optimum_is_not_decided_and_may_be_set(adaptive: Adaptive) -> None:
+    table, settings = quiet_table(), campaign_config(plan=NO_CAUSE_IN_QUESTION)
     choice = replace(adaptive, campaign=settings, within=from_250_W)(table, as_planned(table))
     assert len(choice.rows) == 4
     assert all("another hill may be the highest" in row.why for row in choice.rows)
     assert min(row.power_W for row in choice.rows) > 250.0  # most of what is lost is lost at 200 W here
+
+
+def test_a_load_of_which_nobody_knows_whether_it_is_carried_is_tried_once(adaptive: Adaptive) -> None:
+    power = np.arange(2000.0, 2300.0)
+    carried = simulate(Model.baseline(), Points(D1=1.0, D2=0.0, power_W=power)).feasible
+    most_W = float(power[carried][-2])
+    ranges = {"D1": [0.3, 1.0], "D2": [0.0, 0.6], "power_W": [200.0, most_W]}
+    table, settings = quiet_table(), campaign_config(plan=NO_CAUSE_IN_QUESTION, ranges=ranges)
+    at_the_most = replace(adaptive, campaign=settings, within=from_250_W)
+    (row,) = at_the_most(table, as_planned(table)).rows
+    assert (row.D1, row.D2, row.power_W) == (1.0, 0.0, most_W)
+    assert "only who measures there knows" in row.why
+    again = at_the_most(table, [*as_planned(table), row])  # it was not carried
+    assert all("another hill may be the highest" in row.why for row in again.rows)

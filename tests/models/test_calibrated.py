@@ -161,3 +161,13 @@ def test_a_zero_state_about_as_long_as_the_dead_time_is_not_vouched_for(
     D1 = 1.0 - dead * np.array([1.05, 1.15, 0.0])  # a real dead time may be a tenth longer
     assert np.isfinite(calibrated.predict(D1, 0.1, 1000.0)).all()
     assert np.isfinite(calibrated.vouched().predict(D1, 0.1, 1000.0)).tolist() == [False, True, True]
+
+
+def test_a_load_of_which_nobody_knows_whether_it_is_carried_is_worth_a_try(
+    calibrated: CalibratedPhysics,
+) -> None:
+    power = np.arange(2000.0, 2300.0)
+    most_W = power[np.isfinite(calibrated.predict(1.0, 0.0, power))].max()
+    spare = calibrated.vouched().spare
+    loads = most_W * (1 + np.array([-1.2, -0.5, 1.2, 1.7]) * spare)
+    np.testing.assert_array_equal(calibrated.worth_a_try(loads), [[1.0, 0.0, P] for P in loads[1:3]])

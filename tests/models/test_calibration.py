@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from drivers.mocks.lab.laboratory import Laboratory
 from drivers.mocks.lab.survey import noise_free_efficiency, schedule, survey
@@ -11,7 +12,7 @@ from models.diagnosis.diagnose import diagnose
 from sim.effects.catalogue import effect
 from sim.model import Model
 from sim.simulate import Points, simulate
-from tests.models.diagnosis.virtual_campaign import set_points, simulated_campaign
+from tests.models.diagnosis.virtual_campaign import COLUMNS, set_points, simulated_campaign
 
 
 def test_rows_near_the_edge_tell_the_inductance_from_efficiency_alone() -> None:
@@ -76,3 +77,27 @@ def test_what_a_fit_leaves_is_smooth_over_half_of_the_map() -> None:
     ranges = np.ptp(loads[["D1", "D2", "P2_W"]].to_numpy(), axis=0)
     # D1, D2, and two thirds of the power; rows too near the edge take no part in the lengths
     np.testing.assert_allclose(leftover.length[:3], [0.5, 0.5, 2 / 3] * ranges, rtol=0.1)
+
+
+def test_what_ran_near_the_most_is_carried() -> None:
+    """A choke that drops a little carries more than a model whose choke does not."""
+    converter = Model.baseline().converter
+    inductor = replace(converter.inductor, inductance_H=1.06 * converter.inductor.inductance_H)
+    truth = Model(converter=replace(converter, inductor=inductor))
+    truth = truth.with_effect("inductor_saturation", relative_drop=0.02)
+    power = np.arange(1950.0, 2150.0, 0.5)
+    most_W = power[simulate(truth, Points(D1=1.0, D2=0.0, power_W=power)).feasible].max()
+    table = simulated_campaign(truth, seed=4, count=40)
+    last = Points(D1=1.0, D2=0.0, power_W=most_W, time_s=table["time_s"].max() + 180.0)
+    shown = simulate(truth, last)
+    row = table.tail(1).assign(**{name: shown[name] for name in COLUMNS}, D1=1.0, D2=0.0, time_s=last.time_s)
+    before, after = (
+        diagnose(load_measurements(each)).calibrated for each in (table, pd.concat([table, row]))
+    )
+    assert np.isnan(before.vouched().predict(1.0, 0.0, most_W))
+    assert before.worth_a_try(np.array([most_W])).tolist() == [[1.0, 0.0, most_W]]
+    # D0 goes there by the root of the power that is left to the most: a thousandth of that is 3 % of D0's range
+    assert abs(float(after.vouched().predict(1.0, 0.0, most_W)) / shown["efficiency"][0] - 1) < 3e-3
+    # no more is vouched for than what was seen, but for steps of 2e-4
+    assert np.isnan(after.vouched().predict(1.0, 0.0, most_W * 1.0005))
+    assert after.worth_a_try(np.array([most_W])).size == 0

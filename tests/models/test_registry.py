@@ -193,7 +193,7 @@ def test_kept_calibrated_physics_is_as_sure_as_before(tmp_path, calibrated):
 @pytest.mark.parametrize(
     ("before", "after", "said"),
     [
-        ('"schema": 4', '"schema": 9', "reads schema 4 only; make it again with d2ea train"),
+        ('"schema": 5', '"schema": 9', "reads schema 5 only; make it again with d2ea train"),
         ('"resistance_Ohm": 0.07}', '"resistance_Ohm": 0.08}', "was changed after it was written"),
         ('"resistance_Ohm": 0.07}', '"resistance": 0.07}', "link_resistance"),
         ('"V1_V": 299.7', '"V1": 299.7', "'V1_V' is missing"),

@@ -90,7 +90,8 @@ def survey(
     rng = np.random.default_rng(seed)
     on = plan.kind != "standby"
     D1, D2 = _applied(plan)
-    truth, heat = _in_order(lab, plan, settled or settle(lab, plan))
+    settled = settled or settle(lab, plan)
+    truth, heat = _in_order(lab, plan, settled)
     V1, P1 = lab.input_terminals(truth, heat.heatsink_C, plan.time_s)
     idle_V = np.full(D1.size, plan.supply_V + lab.errors.supply_V)
     V1 = np.where(on, V1, idle_V)
@@ -122,7 +123,8 @@ def survey(
             "T_inductor_C": sensor("inductor", heat.inductor_C),
         }
     )  # fmt: skip
-    shown_rows = np.flatnonzero(truth.running | ~on)
+    # what runs while it is cold and not when it has settled has stopped before its row is read
+    shown_rows = np.flatnonzero((truth.running & settled.truth.running) | ~on)
     return frame.iloc[shown_rows].reset_index(drop=True)
 
 
