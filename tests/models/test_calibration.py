@@ -96,8 +96,27 @@ def test_what_ran_near_the_most_is_carried() -> None:
     )
     assert np.isnan(before.vouched().predict(1.0, 0.0, most_W))
     assert before.worth_a_try(np.array([most_W])).tolist() == [[1.0, 0.0, most_W]]
-    # D0 goes there by the root of the power that is left to the most: a thousandth of that is 3 % of D0's range
+    # D0 goes there by the root of the power that is left to the most: a thousandth of that is 3 % of D0's range,
+    # and some watts of reactive current
     assert abs(float(after.vouched().predict(1.0, 0.0, most_W)) / shown["efficiency"][0] - 1) < 3e-3
     # no more is vouched for than what was seen, but for steps of 2e-4
     assert np.isnan(after.vouched().predict(1.0, 0.0, most_W * 1.0005))
     assert after.worth_a_try(np.array([most_W])).size == 0
+
+
+def test_what_ran_is_known_by_the_power_that_was_set() -> None:
+    """A meter that reads a thousandth less shows no smaller most, where the table says what was set."""
+    truth, power = Model.baseline(), np.arange(2100.0, 2250.0, 0.5)
+    most_W = float(power[simulate(truth, Points(D1=1.0, D2=0.0, power_W=power)).feasible].max())
+    table = simulated_campaign(truth, seed=4, count=40)
+    last = Points(D1=1.0, D2=0.0, power_W=most_W, time_s=table["time_s"].max() + 180.0)
+    shown = simulate(truth, last)
+    row = table.tail(1).assign(**{name: shown[name] for name in COLUMNS}, D1=1.0, D2=0.0, time_s=last.time_s)
+    read = pd.concat([table, row.assign(P1_W=0.999 * row["P1_W"], P2_W=0.999 * row["P2_W"])])
+    noted = read.assign(P_set_W=[*table["P2_W"], most_W])
+    by_reading, by_setting = (
+        diagnose(load_measurements(each)).calibrated.vouched().predict(1.0, 0.0, most_W)
+        for each in (read, noted)
+    )
+    assert np.isnan(by_reading)
+    assert np.isfinite(by_setting)

@@ -55,7 +55,7 @@ def calibrated():
         model=shifted(),
         variants=tuple(shifted() for _ in range(2)),
         leftover=empty.fitted(0.3 * rng.standard_normal(12), np.full(12, 0.1)),
-        V1_V=299.7, V2_V=140.1, ambient_C=24.3, time_s=900.0,
+        V1_V=299.7, V2_V=140.1, ambient_C=24.3, time_s=900.0, shown=-0.001,
     )  # fmt: skip
     return StagedModel(kind=CALIBRATED, stages=(physics,))
 
