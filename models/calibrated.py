@@ -15,6 +15,7 @@ and the process's own variance, add up.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -103,7 +104,7 @@ class Leftover:
         return np.concatenate([self.covariance(part, self.place) @ self.weight for part in parts])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class CalibratedPhysics:
     """An efficiency model: a calibrated simulator, its variants, and the leftover that it could not take up.
 
@@ -143,8 +144,9 @@ class CalibratedPhysics:
 
     def vouched(self) -> "Vouched":
         """The same model, without the points of which it is not sure that they can be made and carry their power."""
-        return Vouched(of=self, spare=1 / (1 + self.most().least) - 1)
+        return Vouched(of=self, spare=1 / (1 + self.most.least) - 1)
 
+    @cached_property
     def most(self) -> Most:
         """What is known of the most that can be carried, over what this model carries."""
         return Most(sigma=most_sigma([self.model, *self.variants], self._widest), shown=self.shown)
@@ -154,7 +156,7 @@ class CalibratedPhysics:
 
         Only who measures there knows.
         """
-        most = self.most()
+        most = self.most
         surely, perhaps = (
             carries(self.model, self._widest(loads_W / (1 + end))) for end in (most.least, most.greatest)
         )

@@ -178,7 +178,7 @@ def _carrying(physics: CalibratedPhysics, ran: Points) -> CalibratedPhysics:
     above = above_the_most(physics.model, ran)
     if not above.size:
         return physics
-    most = Most.of(physics.most().sigma, above)
+    most = Most.of(physics.most.sigma, above)
     carrying = _with_inductance(physics, 1 / (1 + most.mean) - 1)
     return replace(carrying, shown=(1 + most.shown) / (1 + most.mean) - 1)
 
