@@ -160,15 +160,6 @@ class Meeting:
         """The same groups with another current, or with legs that open later by times (m, K)."""
         return replace(self, current_A=self.current_A + current_A, opens_s=self.opens_s + later_s)
 
-    def driven(self, position: Array) -> Array:
-        """dx/dt (m, K) with the legs at positions from -1 to 1, without drops."""
-        return np.asarray(self.outside_A_per_s + np.einsum("klK,lK->kK", self.coupling_A_per_s, position))
-
-    def dropped(self, position: Array) -> tuple[list[Array], Array]:
-        """What each bridge's drops take of it times the sign of its current, and all of them whatever that is, (K,)."""
-        parts = [drop.at(position) for drop in self.drops]
-        return [signed for signed, _ in parts], sum((p for _, p in parts[1:]), parts[0][1])
-
     def per_charge(self) -> Array:
         """Movement along the curve per charge of x: c in intervals of the curve."""
         return np.asarray(self.per_current * (FULL / self.charge_C))

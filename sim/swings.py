@@ -2,7 +2,8 @@
 
 In a step the charge moves by the current and its slope at the start, the current by the mean of its slopes (Verlet's
 rule, of second order). The mean position is that of the curve over the charge covered: a node that a large current
-swings within one step costs no accuracy.
+swings within one step costs no accuracy. Legs that are alone, most of them, take their steps all at once; those of a
+group take a dozen of their own, in :mod:`sim.meeting_legs`.
 """
 
 from dataclasses import dataclass
@@ -18,39 +19,62 @@ Index = NDArray[np.intp]
 _STEPS = 8  # of a leg; legs that meet take those of each other as well
 _GRADE = 1.15  # finer at the start, where large currents swing nodes in nanoseconds
 _LOOKS = (0, 3, 5)  # steps before which legs whose node will not move any more are done with
-_FEW = 300  # groups that are not worth being told apart
-_NONE = 1e-9  # of the dead time: a step so short is none
 
 
 def commutate(meeting: Meeting, curves: Curves, *, sloped: bool = True) -> Commutation:
     """The dead times (m, K) of groups of legs; ``delay_per_A`` only of legs that are alone, where it is asked for."""
-    whole, rows = Commutation.empty(*meeting.current_A.shape), np.arange(meeting.current_A.shape[1])
     if len(meeting.current_A) == 1:
-        _integrate(_Alone.of(meeting, sloped=sloped), curves, whole, rows)
-        return whole
-    at_once = np.all(meeting.opens_s == 0.0, axis=0)  # their steps are the same: half as many
-    if rows.size < _FEW or not np.any(at_once) or np.all(at_once):
-        _integrate(_Together.of(meeting), curves, whole, rows)
-        return whole
-    for part in (rows[at_once], rows[~at_once]):
-        _integrate(_Together.of(meeting.take(part)), curves, whole, part)
-    return whole
+        return _alone(_Alone.of(meeting, sloped=sloped), curves)
+    return _together(meeting, curves)
 
 
-def _integrate(legs: "_Alone | _Together", curves: Curves, whole: Commutation, rows: Index) -> None:
-    """Take legs through their dead times into rows of the whole."""
-    columns = whole.delay_s.shape[1] * np.arange(len(whole.delay_s))[:, None]
-    for k in range(legs.steps):
-        if k in legs.looks:
+def _alone(legs: "_Alone", curves: Curves) -> Commutation:
+    """Take legs that meet no other through their dead times, all at once."""
+    whole, rows = Commutation.empty(1, legs.x.size), np.arange(legs.x.size)
+    for k in range(_STEPS):
+        if k in _LOOKS:
             stays = legs.finish(k)
             if stays.any():
                 (done,), (going,) = stays.nonzero(), (~stays).nonzero()
-                whole.put(columns + rows[done], legs.outcome(done))
+                whole.put(rows[done], legs.outcome(done))
                 if not going.size:
-                    return
+                    return whole
                 legs, rows = legs.take(going), rows[going]
         legs.step(curves, k)
-    whole.put(columns + rows, legs.outcome(slice(None)))
+    whole.put(rows, legs.outcome(slice(None)))
+    return whole
+
+
+def _together(meeting: Meeting, curves: Curves) -> Commutation:
+    """Take groups of legs through their dead times, one after the other."""
+    from sim.meeting_legs import (
+        BRIDGES,
+        COUPLING,
+        PER_LEG,
+        integrate,
+    )  # here: compiled code takes a while to load
+
+    m, K = meeting.current_A.shape
+    given, bridges = np.zeros((COUPLING + m, m, K)), np.zeros((4, BRIDGES, K))
+    given[:PER_LEG] = (
+        meeting.current_A, meeting.per_current, meeting.outside_A_per_s, meeting.charge_C, meeting.curve,
+        meeting.opens_s,
+    )  # fmt: skip
+    given[COUPLING:] = np.swapaxes(meeting.coupling_A_per_s, 0, 1)
+    for bridge, drop in enumerate(meeting.drops):
+        given[PER_LEG + bridge] = drop.per_leg
+        bridges[:, bridge] = drop.level, drop.zero, drop.even, drop.odd
+    shared = (
+        meeting.magnetizing_A,
+        meeting.shunted_A,
+        meeting.damping_per_s,
+        meeting.eddy_s,
+        meeting.dead_time_s,
+    )
+    link = np.concatenate([bridges.reshape(-1, K), shared])
+    rows = np.stack([curves.position, curves.rise, curves.integral])
+    ends = integrate(given, link, rows, np.array(_ENDS))
+    return Commutation(**dict(zip(Commutation.__slots__, ends, strict=True)))
 
 
 def _grid(steps: int) -> Array:
@@ -98,8 +122,6 @@ class _Alone:
     behind: Array | None
     sloped: bool
 
-    looks = _LOOKS
-
     @classmethod
     def of(cls, meeting: Meeting, *, sloped: bool) -> "_Alone":
         x = meeting.current_A[0]
@@ -135,11 +157,6 @@ class _Alone:
             held = self.behind[0] + self.behind[1] * self.u
             taken = taken + held * mean_sign(i - self.shunted_A, h * slope, h * held)
         return slope - taken, taken
-
-    @property
-    def steps(self) -> int:
-        """How many steps a dead time has."""
-        return _STEPS
 
     def finish(self, k: int) -> NDArray[np.bool_]:
         """Carry on, to the end of the dead time, legs at a rail that their current holds them to; tells which."""
@@ -198,152 +215,3 @@ class _Alone:
             turn_on_A=np.maximum(-c * self.x[chosen], 0.0) * missing,
         )
         return result.edge(np.newaxis)
-
-
-def _steps_of_all(meeting: Meeting) -> tuple[Array, Array]:
-    """Starts and lengths (S, K) of the graded steps of all legs of a group, in order, those of no length at the end."""
-    graded = _grid(_STEPS)[:, None, None] * meeting.dead_time_s + meeting.opens_s
-    nodes = np.sort(graded.reshape(-1, graded.shape[-1]), axis=0)
-    starts, steps = nodes[:-1], np.diff(nodes, axis=0)
-    used = steps > _NONE * meeting.dead_time_s
-    most = int(np.max(np.sum(used, axis=0)))
-    if most < len(steps):
-        order = np.argsort(~used, axis=0, kind="stable")[:most]
-        used = np.take_along_axis(used, order, axis=0)
-        starts = np.where(used, np.take_along_axis(starts, order, axis=0), nodes[-1])
-        steps = np.where(used, np.take_along_axis(steps, order, axis=0), 0.0)
-    return starts, steps
-
-
-@dataclass(kw_only=True)
-class _Together:
-    """K groups of m legs that meet, half way through their dead times, arrays (m, K).
-
-    ``starts_s`` and ``steps_s`` (S, K) are the graded steps of every leg, in order, ``begun`` and ``moving`` (S, m, K)
-    tell in which a leg has opened, and not closed yet, ``all_begun`` and ``all_moving`` where each leg has;
-    ``integral`` is that of the curve so far; ``opened_A`` and ``closed_A`` are x where the dead time begins and ends,
-    ``last`` the position there.
-    """
-
-    x: Array
-    q: Array
-    u: Array
-    integral: Array
-    reached: Array
-    opposite: Array
-    over: Array
-    opened_A: Array
-    closed_A: Array
-    last: Array
-    starts_s: Array
-    steps_s: Array
-    begun: NDArray[np.bool_]
-    moving: NDArray[np.bool_]
-    all_begun: list[bool]
-    all_moving: list[bool]
-    closes_s: Array
-    per_charge: Array
-    meeting: Meeting
-
-    @classmethod
-    def of(cls, meeting: Meeting) -> "_Together":
-        """Before the first of them opens."""
-        x, zero = meeting.current_A, np.zeros_like(meeting.current_A)
-        starts_s, steps_s = _steps_of_all(meeting)
-        closes_s, middle = meeting.opens_s + meeting.dead_time_s, (starts_s + 0.5 * steps_s)[:, None]
-        begun = middle > meeting.opens_s
-        moving = begun & (middle <= closes_s)
-        return cls(
-            x=x, q=zero, u=zero - 1.0, integral=zero, reached=zero, opposite=zero, over=zero,
-            opened_A=x, closed_A=x, last=x, starts_s=starts_s, steps_s=steps_s,
-            begun=begun, moving=moving, all_begun=np.all(begun, axis=(1, 2)).tolist(),
-            all_moving=np.all(moving, axis=(1, 2)).tolist(), closes_s=closes_s,
-            per_charge=meeting.per_charge(), meeting=meeting,
-        )  # fmt: skip
-
-    def take(self, chosen: Index) -> "_Together":
-        """Some of the groups."""
-        own = {n: v.take(chosen, axis=-1) for n, v in vars(self).items() if isinstance(v, np.ndarray)}
-        return _Together(
-            meeting=self.meeting.take(chosen), all_begun=self.all_begun, all_moving=self.all_moving, **own
-        )
-
-    @property
-    def steps(self) -> int:
-        """How many steps there are from the first leg that opens to the last one that closes."""
-        return len(self.steps_s)
-
-    @property
-    def looks(self) -> tuple[int, ...]:
-        """Steps before which groups are looked at whether they will move any more."""
-        return tuple(self.steps * k // _STEPS for k in _LOOKS[1:])
-
-    def finish(self, k: int) -> NDArray[np.bool_]:
-        """Carry on to the end groups whose legs are all at the new rail and held there; tells which."""
-        meeting, now_s = self.meeting, self.starts_s[k]
-        left_s = np.maximum(self.closes_s - now_s, 0.0)
-        u = np.where(left_s == 0.0, 1.0, self.u)
-        driven = meeting.driven(u)
-        slope = driven - self._taken(np.max(left_s, axis=0), driven[0], u)
-        now, then = self.per_charge * self.x, self.per_charge * (self.x + left_s * slope)
-        held = (left_s == 0.0) | ((self.q >= FULL) & (now > 0) & (then > 0))
-        stays = np.all((held & (now_s >= meeting.opens_s)) | (self.per_charge == 0.0), axis=0)
-        passed = left_s * (0.5 * (now + then) + self.per_charge * meeting.eddy_s * slope)
-        carried = np.where(stays, passed, 0.0)
-        self.opposite, self.over = self.opposite + carried, self.over + carried
-        self.reached = self.reached + np.where(stays, left_s, 0.0)
-        return np.asarray(stays)
-
-    def _taken(self, h: Array, driven: Array, position: Array) -> Array:
-        """What drops take, on average through a time, of the slope to which voltages drive the link current."""
-        meeting, i = self.meeting, self.x[0] + self.meeting.magnetizing_A
-        signed, plain = meeting.dropped(position)
-        change = h * (driven - plain)
-        taken = plain + meeting.damping_per_s * i + signed[0] * mean_sign(i, change, h * signed[0])
-        for held in signed[1:]:
-            taken = taken + held * mean_sign(i - meeting.shunted_A, change, h * held)
-        return np.asarray(taken)
-
-    def step(self, curves: Curves, k: int) -> None:
-        """One step; in it no leg opens or closes."""
-        meeting, h, begun, moving = self.meeting, self.steps_s[k], self.begun[k], self.moving[k]
-        q, u, all_moving = self.q, self.u, self.all_moving[k]
-        if not all_moving:  # what has closed is at the new rail
-            done = begun & ~moving
-            q, u = np.where(done, FULL, q), np.where(done, 1.0, u)
-        driven, own_h = meeting.driven(u), h if all_moving else moving * h
-        taken = self._taken(h, driven[0], u)
-        driven -= taken
-        moved = self.per_charge * own_h * (self.x + (0.5 * h + meeting.eddy_s) * driven)
-        ahead = q + moved
-        after = limited(ahead, 0.0, FULL)
-        u, _, integral = curves.at(meeting.curve, after)
-        mean = mean_position(u, integral - self.integral, after - q, moved)
-        beyond = ahead - after
-        self.q, self.u, self.integral, self.over = after, u, integral, self.over + beyond
-        self.opposite = self.opposite + np.maximum(beyond, 0.0)
-        self.reached = self.reached + own_h * (0.5 + 0.5 * mean)
-        self.x = self.x + h * (meeting.driven(mean) - taken)
-        if not self.all_begun[k]:
-            self.opened_A = np.where(begun, self.opened_A, self.x)
-        self.closed_A = self.x if all_moving else np.where(moving, self.x, self.closed_A)
-        self.last = u if all_moving else np.where(moving, u, self.last)
-
-    def outcome(self, chosen: Index | slice) -> Commutation:
-        """The dead times (m, K) of some of the groups, once they are over."""
-        meeting, which = self.meeting, (slice(None), chosen)
-        c, charge_C, missing = (
-            meeting.per_current[which],
-            meeting.charge_C[which] / FULL,
-            0.5 - 0.5 * self.last[which],
-        )
-        opposite = self.opposite[which]
-        return Commutation(
-            delay_s=meeting.dead_time_s[chosen] - self.reached[which],
-            delay_per_A=np.zeros_like(c),
-            missing=missing,
-            opposite_C=charge_C * opposite,
-            same_C=charge_C * (opposite - self.over[which]),
-            turn_off_A=np.maximum(c * self.opened_A[which], 0.0),
-            turn_on_A=np.maximum(-c * self.closed_A[which], 0.0) * missing,
-        )

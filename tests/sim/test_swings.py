@@ -95,6 +95,15 @@ def test_a_leg_that_opens_when_another_closes_sees_it_alone() -> None:
     assert pair[1] != pytest.approx(alike, abs=0.05 * DEAD_S)
 
 
+def test_a_group_without_a_number_leaves_the_others_theirs() -> None:
+    """A state that ran away is none; in compiled code it must lead neither beyond the curve nor to a neighbour."""
+    coupling = np.array([[OWN, 4e5], [8e5, -9e5]])
+    opens_s, current_A = np.array([0.0, 30e-9]), np.array([[0.25, np.nan, 0.25], [0.3, 0.3, 0.3]])
+    ours = commutate(legs(current_A, opens_s, 1e5, coupling), STRAIGHT).delay_s
+    by_itself = commutate(legs(current_A[:, :1], opens_s, 1e5, coupling), STRAIGHT).delay_s
+    np.testing.assert_array_equal(ours[:, [0, 2]], np.repeat(by_itself, 2, axis=1))
+
+
 def test_a_current_that_drops_hold_stays() -> None:
     sign = mean_sign(np.array([0.0, 0.5, 0.0, 3.0, 0.5]), np.array([0.4, 0.0, 4.0, 0.4, -2.0]), np.ones(5))
     # held; comes to rest; pulled off; does not get to zero; turns a sixth of the way
@@ -115,7 +124,7 @@ def test_legs_done_with_early_end_as_those_that_are_stepped() -> None:
     current_A = np.linspace(-3.0, 6.0, 91)
     early = constant_capacitance(current_A)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(swings._Alone, "looks", ())
+        patch.setattr(swings, "_LOOKS", ())
         stepped = constant_capacitance(current_A)
     for name in ("delay_s", "missing", "opposite_C", "same_C", "turn_on_A"):
         np.testing.assert_allclose(getattr(early, name), getattr(stepped, name), rtol=1e-9, atol=1e-18)
