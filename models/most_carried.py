@@ -106,9 +106,13 @@ def _most_W(models: Sequence[Model], tried_W: Array, widest: Callable[[Array], P
 
 
 def carries(model: Model, points: Points) -> NDArray[np.bool_]:
-    """Whether N points run with a model, (N,): as a simulation has it, with warm parts, where a quick look is close."""
-    runs = can_run(model, points)
-    close = np.flatnonzero(runs & ~can_run(model, _with_more(points, _CLOSE)))
+    """Whether N points run with a model, (N,): as a simulation has it, with warm parts, where a quick look is close.
+
+    What could carry more runs; only of the others it is asked.
+    """
+    runs = can_run(model, _with_more(points, _CLOSE))
+    left = np.flatnonzero(~runs)
+    close = left[can_run(model, points.take(left))] if left.size else left
     if close.size:
         runs[close] = simulate(model, points.take(close)).feasible
     return runs
