@@ -18,6 +18,8 @@ Index = NDArray[np.intp]
 
 _STEPS = 8  # of a leg; legs that meet take those of each other as well
 _GRADE = 1.15  # finer at the start, where large currents swing nodes in nanoseconds
+_GRID = (np.arange(_STEPS + 1) / _STEPS) ** _GRADE  # ends of steps, over the dead time
+_ENDS = _GRID.tolist()
 _LOOKS = (0, 3, 5)  # steps before which legs whose node will not move any more are done with
 
 
@@ -47,12 +49,8 @@ def _alone(legs: "_Alone", curves: Curves) -> Commutation:
 
 def _together(meeting: Meeting, curves: Curves) -> Commutation:
     """Take groups of legs through their dead times, one after the other."""
-    from sim.meeting_legs import (
-        BRIDGES,
-        COUPLING,
-        PER_LEG,
-        integrate,
-    )  # here: compiled code takes a while to load
+    # here: compiled code takes a while to load
+    from sim.meeting_legs import BRIDGES, COUPLING, PER_LEG, integrate
 
     m, K = meeting.current_A.shape
     given, bridges = np.zeros((COUPLING + m, m, K)), np.zeros((4, BRIDGES, K))
@@ -64,25 +62,13 @@ def _together(meeting: Meeting, curves: Curves) -> Commutation:
     for bridge, drop in enumerate(meeting.drops):
         given[PER_LEG + bridge] = drop.per_leg
         bridges[:, bridge] = drop.level, drop.zero, drop.even, drop.odd
-    shared = (
-        meeting.magnetizing_A,
-        meeting.shunted_A,
-        meeting.damping_per_s,
-        meeting.eddy_s,
-        meeting.dead_time_s,
-    )
-    link = np.concatenate([bridges.reshape(-1, K), shared])
+    of_all = (
+        meeting.magnetizing_A, meeting.shunted_A, meeting.damping_per_s, meeting.eddy_s, meeting.dead_time_s,
+    )  # fmt: skip
+    link = np.concatenate([bridges.reshape(-1, K), of_all])
     rows = np.stack([curves.position, curves.rise, curves.integral])
-    ends = integrate(given, link, rows, np.array(_ENDS))
+    ends = integrate(given, link, rows, _GRID)
     return Commutation(**dict(zip(Commutation.__slots__, ends, strict=True)))
-
-
-def _grid(steps: int) -> Array:
-    """Ends of graded steps, over the dead time."""
-    return np.asarray((np.arange(steps + 1) / steps) ** _GRADE)
-
-
-_ENDS = _grid(_STEPS).tolist()
 
 
 @dataclass(kw_only=True)
