@@ -9,11 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sim.soft_switching import CURVE_POINTS
-
 Array = NDArray[np.float64]
 
-_FULL = CURVE_POINTS - 1.0  # a whole swing's charge, in intervals of its curve
 _TINY_A = 1e-30
 _LEAST = 1e-14  # square of a movement, in intervals, that is none
 _NONE = 1e-9  # of the dead time: a step so short is none
@@ -23,9 +20,10 @@ BRIDGES = 2  # that have drops of their own
 # What is given of each leg, as in a Meeting; PER_LEG is of each bridge, COUPLING to each leg
 CURRENT, PER_CURRENT, OUTSIDE, CHARGE, CURVE, OPENS, PER_LEG = range(7)
 COUPLING = PER_LEG + BRIDGES
-# What is given of the link: drops of each bridge, and what is one for all
+# What is given of the link: drops of each bridge, and what is one for all; FULL is a whole swing's charge, in intervals
+# of its curve. What compiled code takes from another file it would keep when that one changes, so it is given too
 LEVEL, ZERO, EVEN, ODD = range(0, 4 * BRIDGES, BRIDGES)
-MAGNETIZING, SHUNTED, DAMPING, EDDY, DEAD = range(4 * BRIDGES, 4 * BRIDGES + 5)
+MAGNETIZING, SHUNTED, DAMPING, EDDY, DEAD, FULL = range(4 * BRIDGES, 4 * BRIDGES + 6)
 # What is found, as in a Commutation
 DELAY, DELAY_PER_A, MISSING, OPPOSITE_C, SAME_C, TURN_OFF, TURN_ON = range(7)
 ENDS = 7
@@ -52,11 +50,11 @@ def integrate(given: Array, link: Array, curves: Array, grid: Array) -> Array:
     for k in range(K):
         legs[:] = given[:, :, k]
         shared[:] = link[:, k]
-        _begin(way, legs)
+        _begin(way, legs, shared[FULL])
         count = _steps(nodes, legs, shared[DEAD], grid)
         _go(way, legs, shared, curves, nodes[:count])
         for j in range(m):
-            charge_C, missing = legs[CHARGE, j] / _FULL, 0.5 - 0.5 * way[_LAST, j]
+            charge_C, missing = legs[CHARGE, j] / shared[FULL], 0.5 - 0.5 * way[_LAST, j]
             ends[DELAY, j, k] = shared[DEAD] - way[_REACHED, j]
             ends[MISSING, j, k] = missing
             ends[OPPOSITE_C, j, k] = charge_C * way[_OPPOSITE, j]
@@ -67,13 +65,13 @@ def integrate(given: Array, link: Array, curves: Array, grid: Array) -> Array:
 
 
 @_inlined
-def _begin(way: Array, legs: Array) -> None:
+def _begin(way: Array, legs: Array, full: float) -> None:
     """Before the first leg of a group opens."""
     way[:] = 0.0
     for j in range(way.shape[1]):
         way[_X, j] = way[_OPENED, j] = way[_CLOSED, j] = legs[CURRENT, j]
         way[_U, j] = way[_LAST, j] = -1.0
-        way[_MOVES, j] = legs[PER_CURRENT, j] * (_FULL / legs[CHARGE, j])
+        way[_MOVES, j] = legs[PER_CURRENT, j] * (full / legs[CHARGE, j])
 
 
 @_compiled
@@ -118,7 +116,7 @@ def _step(way: Array, legs: Array, link: Array, curves: Array, middle_s: float, 
     """
     for j in range(way.shape[1]):
         if middle_s > legs[OPENS, j] + link[DEAD]:  # what has closed is at the new rail
-            way[_Q, j], way[_U, j] = _FULL, 1.0
+            way[_Q, j], way[_U, j] = link[FULL], 1.0
     taken = _taken(way, legs, link, h)
     for j in range(way.shape[1]):
         way[_SLOPE, j] = _driven(legs, way[_U], j) - taken
@@ -127,8 +125,8 @@ def _step(way: Array, legs: Array, link: Array, curves: Array, middle_s: float, 
         own_h = h if moving else 0.0
         moved = way[_MOVES, j] * own_h * (way[_X, j] + (0.5 * h + link[EDDY]) * way[_SLOPE, j])
         ahead = way[_Q, j] + moved
-        after = min(max(ahead, 0.0), _FULL)
-        place = min(max(int(after), 0), CURVE_POINTS - 1)  # a current that is no number has no place
+        after = min(max(ahead, 0.0), link[FULL])
+        place = min(max(int(after), 0), int(link[FULL]))  # a current that is no number has no place
         part, at = after - place, int(legs[CURVE, j]) + place
         low, risen = curves[0, at], curves[1, at] * part
         u, integral = low + risen, curves[2, at] + part * (low + 0.5 * risen)
@@ -158,7 +156,7 @@ def _rest(way: Array, legs: Array, link: Array, now_s: float) -> bool:
         if own_s == 0.0:
             way[_U, j] = 1.0
         elif way[_MOVES, j] != 0.0:
-            rests = rests and now_s >= legs[OPENS, j] and way[_Q, j] >= _FULL
+            rests = rests and now_s >= legs[OPENS, j] and way[_Q, j] >= link[FULL]
     if rests:
         taken = _taken(way, legs, link, left_s)
         for j in range(way.shape[1]):

@@ -38,7 +38,6 @@ _I, _IM, _IM_SLOPE, _VP, _NVS, _LEFT, _V0, _R, _SIGN, _MEAN, _RESTS = range(11)
 _V2, _R2, _SIGN2, _MEAN2, _RESTS2, _DRIVE, _DECAY, _SHARE, _RELATIVE, _UNTIL, _MET = range(11, 22)
 _LENGTH, _PAST, _TURNS = range(22, 25)
 _NOW = 25
-_BLOCK = 32  # points that are told of together: as many as lie close to each other in memory
 
 _compiled = njit(cache=True, error_model="numpy")
 _inlined = njit(inline="always", error_model="numpy")  # a call would cost more than what is done in it
@@ -52,21 +51,12 @@ def follow(given: Array, stretches: Array, start_A: Array, bends_A: Array, own: 
     its state. A stretch has a piece to each bend and back, and two more where i and i_m may cross, and rest.
     """
     each, N = 2 * (bends_A.size + (2 if own else 1)), start_A.size
-    rows = KEPT if own else OF_ALL
-    kept, told = np.empty((rows, 5 * each, N)), np.empty((rows, 5 * each, _BLOCK))
-    at, now = np.empty((_BLOCK, len(given))), np.empty(_NOW)
-    for begin in range(0, N, _BLOCK):
-        count = min(_BLOCK, N - begin)
-        for row in range(at.shape[1]):
-            for n in range(count):
-                at[n, row] = given[row, begin + n]
-        for n in range(count):
-            now[_I] = start_A[begin + n]
-            _half_period(now, at[n], stretches[:, :, begin + n], bends_A, told[:, :, n], own)
-        for row in range(rows):
-            for piece in range(5 * each):
-                for n in range(count):
-                    kept[row, piece, begin + n] = told[row, piece, n]
+    kept = np.empty((KEPT if own else OF_ALL, 5 * each, N))
+    at, now = np.empty(len(given)), np.empty(_NOW)
+    for n in range(N):
+        at[:] = given[:, n]
+        now[_I] = start_A[n]
+        _half_period(now, at, stretches[:, :, n], bends_A, kept[:, :, n], own)
     return kept
 
 

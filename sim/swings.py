@@ -64,6 +64,7 @@ def _together(meeting: Meeting, curves: Curves) -> Commutation:
         bridges[:, bridge] = drop.level, drop.zero, drop.even, drop.odd
     of_all = (
         meeting.magnetizing_A, meeting.shunted_A, meeting.damping_per_s, meeting.eddy_s, meeting.dead_time_s,
+        np.full(K, FULL),
     )  # fmt: skip
     link = np.concatenate([bridges.reshape(-1, K), of_all])
     rows = np.stack([curves.position, curves.rise, curves.integral])
