@@ -96,7 +96,7 @@ def test_a_leg_that_opens_when_another_closes_sees_it_alone() -> None:
 
 
 def test_a_group_without_a_number_leaves_the_others_theirs() -> None:
-    """A state that ran away is none; in compiled code it must lead neither beyond the curve nor to a neighbour."""
+    """A state that ran away is none; groups follow each other in the same rows, and it must not be left there."""
     coupling = np.array([[OWN, 4e5], [8e5, -9e5]])
     opens_s, current_A = np.array([0.0, 30e-9]), np.array([[0.25, np.nan, 0.25], [0.3, 0.3, 0.3]])
     ours = commutate(legs(current_A, opens_s, 1e5, coupling), STRAIGHT).delay_s
