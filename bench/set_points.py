@@ -23,7 +23,6 @@ ALLOWED = {
     "voltage_ratio": (1e-9, np.inf, "n V2 / V1, above 0"),
     "ambient_C": (-100.0, 200.0, "a temperature from -100 to 200 degC"),
     "time_s": (0.0, np.inf, "seconds since the start, 0 or more"),
-    "range_I1_A": (0.0, np.inf, "the analyzer's current range in A, 0 or more"),
 }
 _ANY = (-np.inf, np.inf, "a number")
 MOST_PROBLEMS = 20  # of a table: more say nothing new

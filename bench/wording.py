@@ -36,7 +36,7 @@ _EFFECTS = {
     "link_resistance": "ac-link resistance",
     "gate_delay_skew": "gate-delay skew",
     "igbt_saturation_voltage": "IGBT saturation voltage",
-    "sic_on_resistance": "SiC on-resistance",
+    "sic_on_resistance": "FET on-resistance",
     "clamp_diode_drop": "clamp-diode forward voltage",
     "turn_off_energy_primary": "primary turn-off energy",
     "turn_off_energy_secondary": "secondary turn-off energy",
@@ -102,6 +102,16 @@ def action_text(action: str) -> str:
     ('no load', 'measure T_transformer_C too')
     """
     return action if " " in action else words(action)
+
+
+def step_text(step: Mapping[str, Any]) -> str:
+    """A next step as words, with how often it is to be taken.
+
+    >>> step_text({"action": "no_load", "repeats": 3}), step_text({"action": "standby"})
+    ('no load, 3 times', 'standby')
+    """
+    repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
+    return action_text(str(step["action"])) + repeats
 
 
 def points_text(fraction: float | None, digits: int = 3) -> str:
@@ -303,7 +313,7 @@ def told_by(effects: Sequence[str]) -> str:
     >>> told_by(["auxiliary_power"])
     'whether there is auxiliary power'
     >>> told_by(["link_resistance", "sic_on_resistance"])
-    'ac-link resistance and SiC on-resistance apart'
+    'ac-link resistance and FET on-resistance apart'
     """
     names = join([effect_name(effect) for effect in effects])
     return f"{names} apart" if len(effects) > 1 else f"whether there is {names}"

@@ -254,6 +254,8 @@ def _check_current(frame: pd.DataFrame, port: str) -> list[str]:
         if thousand
         else ""
     )
+    if thousand == "*0.001":
+        known += f", unless it is {power} that is in kilowatts: {_in_factor(power, '1000')}"
     return [
         f"{current}: {voltage} * {current} is {ratio:.4g} times {power} (median), so it is left empty{known}"
     ]

@@ -6,7 +6,7 @@ those files, in which a value may be a bare number or ``{ value, tolerance, sour
 """
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
@@ -29,6 +29,7 @@ from sim.parameters import (
     Transformer,
     Winding,
 )
+from sim.size import size
 
 T = TypeVar("T")
 Plain = dict[str, Any]
@@ -88,6 +89,13 @@ def ideal_most_W(converter: Converter) -> float:
     return float(np.mean(per_Hz / (8 * converter.frequency_Hz * converter.inductor.inductance_H)))
 
 
+def _saturating_by_its_size(converter: Converter) -> Converter:
+    """With the current of an inductor's saturation as large against the input's as the prototype's."""
+    inductor = converter.inductor
+    sized_A = inductor.saturation_A * size("input_current", converter)
+    return replace(converter, inductor=replace(inductor, saturation_A=sized_A))
+
+
 def converter_to_plain(converter: Converter) -> Plain:
     """Plain data of a converter; a device that is as its data file says is named only."""
     plain = _plain(converter)
@@ -139,11 +147,16 @@ class _Reader:
         usual = "" if found["primary"] is None else found["primary"].modulations[0]
         found["modulation"] = modulation or usual
         converter = self._object(Converter, found, ())
-        if converter is not None:
-            self._contradictions(converter)
-        return converter
+        if converter is None:
+            return None
+        self._contradictions(converter, data["inductor"])
+        return converter if "saturation_A" in data["inductor"] else _saturating_by_its_size(converter)
 
-    def _contradictions(self, converter: Converter) -> None:
+    def _contradictions(self, converter: Converter, inductor: Mapping[str, Any]) -> None:
+        if converter.inductor.saturates and "saturation_A" not in inductor:
+            self._add(
+                ("inductor", "saturation_A"), None, "is missing: the current at which saturation is stated"
+            )
         rated_W, most_W = converter.rated_power_W, ideal_most_W(converter)
         if rated_W > most_W:
             allowed = f"n V1 V2 / (8 fs L) is {most_W:.0f} W: these values carry no more, whatever the phase"
@@ -209,7 +222,13 @@ class _Reader:
         if unknown or "value" not in entry:
             self._add(keys, dict(entry), "a number, or a table of value, tolerance and source")
             return None
-        tolerances[".".join(keys[-2:])] = float(entry.get("tolerance", 0.0))
+        tolerance = entry.get("tolerance", 0.0)
+        if type(tolerance) not in (int, float) or not 0.0 <= tolerance < 1.0:
+            self._add(
+                (*keys, "tolerance"), tolerance, "one sigma, a share of the value: 0 or more, and below 1"
+            )
+            return None
+        tolerances[".".join(keys[-2:])] = float(tolerance)
         return entry["value"]
 
     def _table(self, kind: type[T], data: Any, keys: tuple[str, ...]) -> T | None:

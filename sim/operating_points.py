@@ -25,9 +25,8 @@ class Points:
     are the nominal ones of the converter that runs there. ``V2_V`` is that of the output terminals, as an analyzer
     reads it; where ``held`` it is what the converter holds in front of its output cable, and so is a nominal one.
     ``pwm`` false is standby (supply on, bridges off).
-    ``time_s`` counts from the campaign's start; ``range_I1_A`` is the analyzer's input current range (0 where not
-    known). ``seen_heatsink_C`` and ``seen_I1_A`` are what a bench read at the point, NaN where it did not: what has
-    a threshold goes by them.
+    ``time_s`` counts from the campaign's start. ``seen_heatsink_C`` and ``seen_I1_A`` are what a bench read at the
+    point, NaN where it did not: what has a threshold goes by them.
     """
 
     D1: Quantity
@@ -37,7 +36,6 @@ class Points:
     V2_V: Quantity = np.nan
     ambient_C: Quantity = 25.0
     time_s: Quantity = 0.0
-    range_I1_A: Quantity = 0.0
     seen_heatsink_C: Quantity = np.nan
     seen_I1_A: Quantity = np.nan
     pwm: Quantity | NDArray[np.bool_] = True

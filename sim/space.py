@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
 SET_POINT = ("D1", "D2", "P_set_W")
-CONDITIONS = ("V1_V", "V2_V", "voltage_ratio", "ambient_C", "time_s", "range_I1_A")
+CONDITIONS = ("V1_V", "V2_V", "voltage_ratio", "ambient_C", "time_s")
 _WORTH = 1000  # rows that are worth a process
 
 
@@ -122,7 +122,6 @@ def _placed(converter: Converter, columns: Mapping[str, NDArray[Any]]) -> tuple[
     points = Points(
         D1=columns["D1"], D2=columns["D2"], power_W=columns["P_set_W"], V1_V=V1_V, V2_V=V2_V,
         ambient_C=columns.get("ambient_C", np.asarray(25.0)), time_s=columns.get("time_s", np.asarray(0.0)),
-        range_I1_A=columns.get("range_I1_A", np.asarray(0.0)),
     )  # fmt: skip
     return _with_values(converter, circuit), points
 

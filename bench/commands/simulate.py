@@ -39,7 +39,7 @@ def simulate_(
     vary: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=LOW:HIGH:COUNT", help="a further axis of the grid: V1_V, V2_V, voltage_ratio, "
-                     "ambient_C, time_s, range_I1_A or a value of the converter (inductor.inductance_H); may be "
+                     "ambient_C, time_s or a value of the converter (inductor.inductance_H); may be "
                      "repeated"),
     ] = None,
     out_file: Annotated[

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
-from sim.effects.scalings import ParameterEffect
+from sim.effects.parameter_effect import ParameterEffect
 from sim.parameters import Converter
 from sim.spread import Spread
 
@@ -31,22 +31,27 @@ class CommonModes:
     """The spreads of K parts, and the names and directions (K, K) of their axes, orthonormal, in sigmas of the parts.
 
     An axis that is common to the parts of an effect has the effect's name, every other that of its part. What is none
-    at all, as the recovered charge of a Schottky diode, is no part.
+    at all, as the recovered charge of a Schottky diode, is no part. ``elsewhere`` are parts that an effect would change
+    in another converter: an IGBT's resistance, where it changes that of FETs.
     """
 
     spreads: tuple[Spread, ...]
     names: tuple[str, ...]
     axes: Array
+    elsewhere: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, spreads: tuple[Spread, ...], converter: Converter) -> Self:
         """For the spreads of a converter's parts."""
         names, axes = [s.path for s in spreads], np.eye(len(spreads))
         place = {s.path: k for k, s in enumerate(spreads)}
+        elsewhere = set[str]()
         for name, entry in CATALOGUE.items():
             if not isinstance(entry, ParameterEffect) or entry.replaces:
                 continue
-            paths = [path for path in entry.paths if path in place and _value(converter, path) != 0.0]
+            present = entry.present(converter)
+            elsewhere |= {path for path in entry.paths if path in place and path not in present}
+            paths = [path for path in present if path in place and _value(converter, path) != 0.0]
             own = [place[path] for path in paths]
             if len(own) < 2:
                 continue
@@ -54,7 +59,7 @@ class CommonModes:
             names[own[0]] = name
             for k in own[1:]:
                 names[k] = spreads[k].path + _BESIDE + spreads[own[0]].path
-        return cls(spreads=spreads, names=tuple(names), axes=axes)
+        return cls(spreads=spreads, names=tuple(names), axes=axes, elsewhere=frozenset(elsewhere))
 
     def __len__(self) -> int:
         return len(self.spreads)

@@ -249,7 +249,7 @@ def diagnose(
     without : names of effects
         Left out of the catalogue: none of them is a cause then, and what they do is for others to explain, or unknown.
     seed : int
-        Of the resampled blocks that a gain's intervals are of.
+        Of the resampled readings that a gain's intervals are of.
     progress : callable
         Is told what is worked on, as words for a person who waits.
     processes : int

@@ -57,7 +57,7 @@ class Ahead:
         power = np.broadcast_to(p.power_W, size)
         kind = np.where(np.asarray(p.pwm), np.where(power > _IDLE_W, "load", "no_load"), "standby")
         columns = {"D1": p.D1, "D2": p.D2, "P2_W": power, "V1_V": p.V1_V, "V2_V": p.V2_V,
-                   "T_ambient_C": p.ambient_C, "time_s": p.time_s, "range_I1_A": p.range_I1_A}  # fmt: skip
+                   "T_ambient_C": p.ambient_C, "time_s": p.time_s}  # fmt: skip
         frame = pd.DataFrame({name: np.broadcast_to(value, size) for name, value in columns.items()})
         frame = frame.assign(kind=kind, **{c.column: 1.0 for c in self.channels})
         seen = observe(frame, refinery.baseline.converter, refinery.observations.processes)

@@ -207,7 +207,6 @@ def points_of(frame: pd.DataFrame, converter: Converter) -> Points:
         V2_V=np.where(standby | (idle & (V2 < _DEAD_V)), converter.V2_V, V2),
         ambient_C=column("T_ambient_C", _AMBIENT_C),
         time_s=column("time_s", 0.0),
-        range_I1_A=column("range_I1_A", 0.0),
         seen_heatsink_C=np.where(np.isfinite(heatsink_C), heatsink_C, np.nan),
         seen_I1_A=np.where(np.isfinite(I1), I1, np.nan),
         pwm=~standby,

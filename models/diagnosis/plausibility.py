@@ -20,6 +20,7 @@ from sim.simulate import can_run
 
 Array = NDArray[np.float64]
 
+_KILO_APART = 300.0  # between the rated power and the largest measured one: more is a unit's thousand
 _HELD = 1.25  # of a nominal voltage: the supply and the controller hold them
 _MOST_OFF = 3.0  # of what the simulation expects: more is another unit
 _COLDER_K = 3.0  # than the room: more than two sensors disagree by
@@ -73,15 +74,22 @@ def allowed_for(column: str, converter: Converter) -> tuple[float, float]:
 
 
 def check_inputs(observations: Observations, converter: Converter) -> None:
-    """Refuse tables whose efficiency is filled in, or whose voltages or room cannot be of this converter.
+    """Refuse tables whose efficiency is filled in, or whose power, voltages or room cannot be of this converter.
 
     Raises
     ------
     ImplausibleTable
-        One efficiency everywhere, a terminal voltage far from nominal, or a room that no bench stands in.
+        One efficiency everywhere, powers in kilowatts, a terminal voltage far from nominal, or a room that no bench
+        stands in.
     """
     loaded = observations.loaded
     _refuse_one_efficiency(observations)
+    most_W, rated_W = float(np.max(np.asarray(observations.points.power_W)[loaded])), converter.rated_power_W
+    if most_W < rated_W / _KILO_APART:
+        raise ImplausibleTable(
+            f"P2_W: {most_W:g} at most, where this converter's rated power is {rated_W:g} W: is it in kilowatts? "
+            "d2ea import --column P2_W=P2_W*1000 converts it, P1_W alike. Or is the model that of another converter?"
+        )
     for name, nominal in (("V1_V", converter.V1_V), ("V2_V", converter.V2_V)):
         typical = float(np.median(np.asarray(getattr(observations.points, name))[loaded]))
         low, high = allowed_for(name, converter)

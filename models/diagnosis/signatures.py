@@ -20,7 +20,7 @@ from models.diagnosis.thresholds import State
 from models.diagnosis.variants import APART, INPUTS, P2_NOISE, UNREAD, Variants, is_everyday, step_of
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
-from sim.effects.scalings import ParameterEffect
+from sim.effects.parameter_effect import ParameterEffect
 from sim.model import Model
 from sim.parameters import Converter
 from sim.simulate import Case, Result, simulate_each
@@ -170,7 +170,7 @@ class Signatures:
 
     def own_spreads(self, *names: str) -> NDArray[np.intp]:
         """Which directions are the everyday spread of the very parameters that effects change together, (k,)."""
-        return _own_spreads(names, self.spread_names)
+        return _own_spreads(names, self.spread_names, self.modes.elsewhere)
 
     def moved(self, parts: Array, larger: Array | float = 1.0) -> Array:
         """How readings (M,) move on straight lines, parts (K,) off by so many sigmas, axes ``larger`` (K,) times."""
@@ -201,10 +201,12 @@ class Signatures:
 
 
 @lru_cache(maxsize=10_000)
-def _own_spreads(names: tuple[str, ...], spread_names: tuple[str, ...]) -> NDArray[np.intp]:
+def _own_spreads(
+    names: tuple[str, ...], spread_names: tuple[str, ...], elsewhere: frozenset[str]
+) -> NDArray[np.intp]:
     entries = map(CATALOGUE.__getitem__, names)
     paths = [path for e in entries if isinstance(e, ParameterEffect) for path in e.paths]
-    own = {*names, *paths}
+    own = {*names, *paths} - elsewhere
     found = np.array([k for k, name in enumerate(spread_names) if name in own], dtype=np.intp)
     found.setflags(write=False)
     return found

@@ -83,11 +83,18 @@ class Usable:
         )
 
 
-def _few(left: int, loaded: int) -> str:
-    """What to do where so many of the loaded rows are too few."""
-    if left < loaded / 2:
-        return "Make sure that the model file is that of this converter"
-    return "Measure more rows, further from the most that D1 and D2 can carry"
+def _too_few_left(left: int, whole: Observations) -> TooFewPoints:
+    """That so many of a table's loaded rows are too few, and what to do about it."""
+    loaded = int(whole.loaded.sum())
+    todo = (
+        "Make sure that the model file is that of this converter"
+        if left < loaded / 2
+        else "Measure more rows, further from the most that D1 and D2 can carry"
+    )
+    return TooFewPoints(
+        f"{left} of {loaded} loaded rows are ones that the model can carry with some power to "
+        f"spare; a diagnosis needs at least {LEAST_ROWS}. {todo}"
+    )
 
 
 def _link_inductance(known: Signatures, fit: Fit) -> int | None:
@@ -164,6 +171,8 @@ def usable_readings(
     if np.mean(spare) < _CARRIED:
         check_set_points(whole, baseline)
     observations, edge = whole.take(spare), whole.take(~spare)
+    if _rows_left(observations) == 0:
+        raise _too_few_left(0, whole)
     near = of_all.take(np.searchsorted(np.unique(whole.row), np.unique(observations.row)))
     expected = observations.predicted(near)
     wrong, whole_columns = implausible(observations, expected)
@@ -186,10 +195,7 @@ def usable_readings(
     kept, unpredicted = sound & predicted, observations.take(sound & ~predicted)
     observations, known = observations.take(kept).in_use(), known.take(kept)
     if (left := _rows_left(observations)) < LEAST_ROWS:
-        raise TooFewPoints(
-            f"{left} of {int(whole.loaded.sum())} loaded rows are ones that the model can carry with some power to "
-            f"spare; a diagnosis needs at least {LEAST_ROWS}. " + _few(left, int(whole.loaded.sum()))
-        )
+        raise _too_few_left(left, whole)
     return Usable(
         observations=observations,
         known=known,

@@ -13,7 +13,7 @@ from models.diagnosis.observations import Observations
 from models.diagnosis.predictions import Variant
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE
-from sim.effects.scalings import ParameterEffect
+from sim.effects.parameter_effect import ParameterEffect
 from sim.model import Model
 from sim.operating_points import Points
 from sim.parameters import Converter, ParameterError

@@ -1,93 +1,16 @@
 """Effects that only scale, add to or replace named parameters of the converter: a table."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from operator import attrgetter
-from typing import Any, Self
+from dataclasses import replace
 
-import numpy as np
-
-from sim.effects.base import Effect, EffectParameter, Values
-from sim.parameters import Converter, ParameterError
+from sim.effects.base import Effect, EffectParameter
+from sim.effects.parameter_effect import (
+    ParameterEffect,
+    added,
+    replaced,
+    scaled,
+    shortened_to_nothing_at_most,
+)
 from sim.prototype import prototype
-
-
-def _scaled(old: Any, value: float) -> Any:
-    return old * (1.0 + value)
-
-
-def _added(old: Any, value: float) -> Any:
-    return old + value
-
-
-def _shortened_to_nothing_at_most(old: Any, value: float) -> Any:
-    return np.maximum(old + value, 0.0)
-
-
-def _replaced(old: Any, value: float) -> Any:
-    return value
-
-
-_OF_WHAT_THERE_IS = 0.7  # may be missing: a part at three sigmas of its tolerance has as much
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterEffect(Effect):
-    """Changes the parameters at ``paths`` (dotted) by ``change(old, value)``; a converter need not have all of them."""
-
-    paths: tuple[str, ...]
-    change: Callable[[Any, float], Any]
-
-    def at(self, converter: Converter) -> Self:
-        """The effect as a converter has it: nothing is searched that would take more of a parameter than there is."""
-        sized = Effect.at(self, converter)  # super() does not know a class that slots have made anew
-        head = sized.headline
-        there = [path for path in self.paths if _has(converter, path.split("."))]
-        if self.change is not _added or head.lower >= 0.0 or not there:
-            return sized
-        try:
-            sized.converter(converter, {head.name: head.lower})
-        except ParameterError:
-            least = min(float(attrgetter(path)(converter)) for path in there)
-            bounded = replace(head, lower=max(head.lower, 0.0 - _OF_WHAT_THERE_IS * least))
-            return replace(sized, parameters=(bounded, *sized.parameters[1:]))
-        return sized
-
-    @property
-    def replaces(self) -> tuple[str, ...]:
-        """The paths of which nothing is left where the effect is there."""
-        return self.paths if self.change is _replaced else ()
-
-    def spread_at(self, value: float, everyday: float) -> float:
-        """A scaled part's spread is scaled too; a part that was replaced has its value and no spread."""
-        if self.replaces:
-            return 0.0
-        return everyday * ((1.0 + value) / (1.0 + self.headline.off) if self.change is _scaled else 1.0)
-
-    def converter(self, converter: Converter, values: Values) -> Converter:
-        """The converter with the named parameters changed; the very same object at the OFF value."""
-        value = self.value(values)
-        if value == self.headline.off:
-            return converter
-        there = [path.split(".") for path in self.paths if _has(converter, path.split("."))]
-        if not there:
-            raise ParameterError(
-                f"{self.name} does not apply: {converter.name!r} has no {' or '.join(self.paths)}"
-            )
-        for path in there:
-            converter = _replace_at(converter, path, self.change, value)
-        return converter
-
-
-def _has(owner: Any, path: list[str]) -> bool:
-    return not path or (hasattr(owner, path[0]) and _has(getattr(owner, path[0]), path[1:]))
-
-
-def _replace_at(owner: Any, path: list[str], change: Callable[[Any, float], Any], value: float) -> Any:
-    name, *rest = path
-    old = getattr(owner, name)
-    new = _replace_at(old, rest, change, value) if rest else change(old, value)
-    return replace(owner, **{name: new})
 
 
 def _parameter(
@@ -112,7 +35,8 @@ def _started(parameters: tuple[EffectParameter], values: tuple[float, ...]) -> t
     return (replace(parameters[0], starts=values),)
 
 
-_FETS = ("primary.outer", "primary.switch", "secondary.switch")
+_FETS = ("primary.outer", "primary.switch", "secondary.switch")  # or IGBTs, where another converter has them
+_SWITCHES = ("primary.outer", "primary.inner", "primary.switch", "secondary.switch")
 _Lm = float(prototype().transformer.magnetizing_H)
 
 SCALINGS: tuple[Effect, ...] = (
@@ -121,7 +45,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="circuit",
         parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.06, (0.0, 0.5), "input_resistance"),
         paths=("link_resistance_Ohm",),
-        change=_added,
+        change=added,
         says="the ac link has more series resistance than modelled: winding, circuit board or connectors",
         check_on_bench="measure the ac link with four wires, warm, terminal to terminal",
     ),
@@ -130,7 +54,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="circuit",
         parameters=_parameter("extra_at_fs", "1", 0.04, 0.5, (-0.03, 5.0)),
         paths=("inductor.winding.ac_extra", "transformer.winding.ac_extra"),
-        change=_added,
+        change=added,
         law=0.15,
         of_eddies=True,
         says=(
@@ -148,7 +72,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="circuit",
         parameters=_relative(0.01, 0.08, (-0.3, 0.3)),
         paths=("inductor.inductance_H",),
-        change=_scaled,
+        change=scaled,
         thermometer="T_inductor_C",
         says="the link inductance is higher than its nominal value: choke, or the transformer's leakage beside it",
         says_below="the link inductance is lower than its nominal value: choke, air gap, or less leakage than counted",
@@ -163,11 +87,12 @@ SCALINGS: tuple[Effect, ...] = (
         # it goes with the current squared: where the link carries most, a line leads nowhere
         parameters=_started(_parameter("relative_drop", "1", 0.01, 0.15, (0.0, 0.6)), (0.1, 0.25)),
         paths=("inductor.saturation",),
-        change=_added,
+        change=added,
         law=0.1,
         # Assumption: uniform within what a parabola with the same small currents drops more there, d^2 / (1 - d)
         extrapolated=0.7,
-        says="the link inductance falls with current: its core saturates, at 15 A by that much",
+        says="the link inductance falls with current: its core saturates, by that much at the model's saturation_A "
+        "(15 A in the prototype)",
         check_on_bench="look at the link current's corners at full load with a current probe: are they pointed?",
     ),
     ParameterEffect(
@@ -188,7 +113,7 @@ SCALINGS: tuple[Effect, ...] = (
             ),
         ),
         paths=("transformer.magnetizing_H",),
-        change=_replaced,
+        change=replaced,
         law=0.05,
         thermometer="T_transformer_C",
         says="the magnetizing inductance is higher than modelled: less air gap in the core, or another grade",
@@ -200,7 +125,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="circuit",
         parameters=_parameter("error_s", "s", 8e-9, 80e-9, (-300e-9, 600e-9)),
         paths=("dead_time_s",),
-        change=_shortened_to_nothing_at_most,
+        change=shortened_to_nothing_at_most,
         law=0.05,
         says="the dead time at the gates is longer than set: drivers that switch on late, or another setting",
         says_below="the dead time at the gates is shorter than set: drivers that switch off late, or another setting",
@@ -211,7 +136,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="circuit",
         parameters=_parameter("skew_s", "s", 8e-9, 60e-9, (-400e-9, 400e-9)),
         paths=("secondary_delay_s",),
-        change=_added,
+        change=added,
         says=(
             "the secondary's gates come later than the primary's by more than modelled: driver or "
             "isolator delay"
@@ -226,19 +151,21 @@ SCALINGS: tuple[Effect, ...] = (
         name="igbt_saturation_voltage",
         stage="semiconductors",
         parameters=_parameter("voltage_V", "V", 0.03, 0.3, (-0.5, 2.0)),
-        paths=("primary.inner.on.threshold_V",),
-        change=_added,
+        paths=tuple(f"{s}.on.threshold_V" for s in _SWITCHES),
+        change=added,
+        junction=True,
         law=0.05,
-        says="the inner switches drop more than the datasheet's typical value: gate voltage, batch or ageing",
-        says_below="the inner switches drop less than the datasheet's typical value: batch, or a cautious datasheet",
+        says="the IGBTs drop more than the datasheet's typical value: gate voltage, batch or ageing",
+        says_below="the IGBTs drop less than the datasheet's typical value: batch, or a cautious datasheet",
         check_on_bench="measure the saturation voltage at load with a clamp probe, and the gate voltage",
     ),
     ParameterEffect(
         name="sic_on_resistance",
         stage="semiconductors",
         parameters=_relative(0.04, 0.4),
-        paths=tuple(f"{s}.on.resistance_Ohm" for s in _FETS),
-        change=_scaled,
+        paths=tuple(f"{s}.on.resistance_Ohm" for s in _SWITCHES),
+        change=scaled,
+        junction=False,
         law=0.05,
         says="the FETs' on-resistance is higher than the datasheet's typical value: gate voltage, batch or ageing",
         says_below="the FETs' on-resistance is lower than the datasheet's typical value: batch, or cooler than thought",
@@ -251,7 +178,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="semiconductors",
         parameters=_relative(0.03, 0.4),
         paths=("primary.clamp.on.threshold_V", "primary.clamp.on.resistance_Ohm"),
-        change=_scaled,
+        change=scaled,
         law=0.05,
         says="the clamp diodes drop more than the datasheet's typical value",
         says_below="the clamp diodes drop less than the datasheet's typical value",
@@ -262,7 +189,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="semiconductors",
         parameters=_relative(0.08, 0.7),
         paths=tuple(f"primary.{s}.turn_off.energy_J" for s in ("outer", "inner", "switch")),
-        change=_scaled,
+        change=scaled,
         law=0.1,
         says=(
             "the primary switches lose more at turn-off than the datasheet scales to: gate resistor, "
@@ -282,7 +209,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="semiconductors",
         parameters=_relative(0.08, 2.0, (-0.6, 20.0)),
         paths=("secondary.switch.turn_off.energy_J",),
-        change=_scaled,
+        change=scaled,
         law=0.1,
         says=(
             "the secondary switches lose more at turn-off than the datasheet scales to: gate resistor, "
@@ -299,7 +226,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="semiconductors",
         parameters=_started(_relative(0.06, 0.7), (-0.3, 0.3, 0.7)),  # edges lose zero voltage one by one
         paths=tuple(f"{s}.capacitance.zero_bias_F" for s in _FETS),
-        change=_scaled,
+        change=scaled,
         law=0.1,
         says="the FETs' nodes have more capacitance than modelled: device, snubber or board",
         says_below="the FETs' nodes have less capacitance than modelled: device, or a snubber that is not there",
@@ -314,7 +241,7 @@ SCALINGS: tuple[Effect, ...] = (
         parameters=_relative(0.35, 1.5, (-0.8, 15.0)),
         together=True,
         paths=tuple(f"{d}.recovery.charge_C" for d in ("primary.clamp", *_FETS)),
-        change=_scaled,
+        change=scaled,
         law=0.15,
         says="diodes lose more at hard commutation than modelled: recovery charge",
         says_below="diodes lose less at hard commutation than modelled: recovery charge",
@@ -325,7 +252,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="magnetics",
         parameters=_relative(0.07, 0.6, (-0.6, 6.0)),
         paths=("transformer.core.k",),
-        change=_scaled,
+        change=scaled,
         law=0.1,
         core_of="transformer",
         says=(
@@ -339,7 +266,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="magnetics",
         parameters=_relative(0.07, 1.0, (-0.6, 6.0)),
         paths=("inductor.core.k",),
-        change=_scaled,
+        change=scaled,
         law=0.1,
         core_of="inductor",
         says="the inductor's core loses more than its material data say: fringing at the gap, grade, dc bias",
@@ -351,7 +278,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="supply, wiring",
         parameters=_parameter("power_W", "W", 0.1, 3.0, (0.0, 50.0), "power"),
         paths=("auxiliary_power_W",),
-        change=_added,
+        change=added,
         law=0.01,
         says="gate drivers, fan or control draw constant power from the input while the bridges switch",
         check_on_bench="feed the gate drivers and the fan from a supply of their own, and measure that",
@@ -361,7 +288,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="supply, wiring",
         parameters=_parameter("resistance_Ohm", "Ohm", 0.003, 0.08, (0.0, 1.0), "input_resistance"),
         paths=("input_cable_Ohm",),
-        change=_added,
+        change=added,
         says="resistance between the analyzer's input terminals and the dc link: cable, fuse, contactor",
         check_on_bench="measure the voltage from the analyzer's terminals to the dc link at full current",
     ),
@@ -370,7 +297,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="supply, wiring",
         parameters=_parameter("resistance_Ohm", "Ohm", 0.0008, 0.02, (0.0, 0.3), "output_resistance"),
         paths=("output_cable_Ohm",),
-        change=_added,
+        change=added,
         says=(
             "resistance between the output capacitors and the analyzer's output terminals: cable, "
             "shunt, contactor"
@@ -384,7 +311,7 @@ SCALINGS: tuple[Effect, ...] = (
         stage="thermal, time",
         parameters=_relative(0.06, 0.6),
         paths=("heatsink_K_per_W",),
-        change=_scaled,
+        change=scaled,
         law=0.05,
         says="the heatsink runs hotter for its loss than modelled: fan, dust, mounting",
         says_below="the heatsink runs cooler for its loss than modelled: air flow, or a sensor far from the parts",

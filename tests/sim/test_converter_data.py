@@ -91,3 +91,28 @@ def test_values_that_no_converter_has_are_refused(value: float) -> None:
 
 def test_a_dead_time_longer_than_the_half_period_allows_is_refused() -> None:
     assert "up to a quarter of the half period" in wrong_with(example() | {"dead_time_s": 2e-6})[""]
+
+
+def test_a_choke_saturates_where_one_of_the_converters_size_does_unless_the_file_says_where() -> None:
+    data = converter_to_plain(prototype())
+    of_prototype = data["inductor"].pop("saturation_A")
+    assert converter_from_plain(data).inductor.saturation_A == of_prototype
+    tenfold = data | {"rated_power_W": 20e3, "inductor": data["inductor"] | {"inductance_H": 23.6e-6}}
+    assert converter_from_plain(tenfold).inductor.saturation_A == pytest.approx(10 * of_prototype)
+    data["inductor"]["saturation_A"] = 40.0
+    assert converter_from_plain(data).inductor.saturation_A == 40.0
+
+
+def test_a_saturation_is_stated_at_a_current() -> None:
+    data = example()
+    data["inductor"]["saturation"] = 0.2
+    assert wrong_with(data)["inductor.saturation_A"].startswith("is missing")
+
+
+@pytest.mark.parametrize("tolerance", ["5 %", [0.05], -0.05, 5.0, float("nan"), True])
+def test_a_tolerance_that_is_no_share_is_named(tolerance: object) -> None:
+    data = converter_to_plain(prototype())
+    switch = dict(example()["secondary"]["switch"])
+    switch["on"] = switch["on"] | {"resistance_Ohm": {"value": 0.01, "tolerance": tolerance}}
+    data["secondary"] = {"switch": switch}
+    assert "a share of the value" in wrong_with(data)["secondary.switch.on.resistance_Ohm.tolerance"]

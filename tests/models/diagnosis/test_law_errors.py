@@ -6,7 +6,7 @@ import pytest
 from models.diagnosis.law_errors import law_errors, no_errors
 from models.diagnosis.observations import Observations
 from sim.effects.catalogue import CATALOGUE, effect
-from sim.effects.scalings import ParameterEffect
+from sim.effects.parameter_effect import ParameterEffect
 from sim.harmonics import eddy_share
 from sim.model import Model
 from sim.prototype import prototype

@@ -24,11 +24,11 @@ from models.diagnosis.near_limit import (
 )
 from models.diagnosis.observations import Observations, observe
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.usable import LEAST_ROWS, Usable, usable_readings
+from models.diagnosis.usable import LEAST_ROWS, TooFewPoints, Usable, usable_readings
 from models.diagnosis.whitener import Whitener
 from sim.model import Model
 from sim.prototype import prototype
-from sim.simulate import can_run
+from sim.simulate import can_run, lossless_most_W, simulate
 from sim.spread import shifted_together
 from tests.models.diagnosis.fabricated import white_leftovers
 from tests.models.diagnosis.virtual_campaign import simulated_campaign
@@ -296,3 +296,14 @@ def test_a_diagnosis_of_efficiency_alone_weighs_again_what_takes_power_from_rows
     found = diagnose(load_measurements(frame))
     assert found.verdict.stated == (cause,)
     assert found.refinery.known.bends.shape == (directions, found.observations.value.size)
+
+
+def test_a_table_of_which_no_row_has_power_to_spare_is_refused_in_words() -> None:
+    """Every row at 97 % of the most that its D1 and D2 carry without losses, and none without load."""
+    points = observe(simulated_campaign(BASELINE, seed=1, count=40), prototype()).points
+    points = replace(points, power_W=0.97 * lossless_most_W(BASELINE, points))
+    tight = ~can_run(BASELINE, replace(points, power_W=1.12 * points.power_W))
+    full = simulate(BASELINE, points.take(np.flatnonzero(tight)))
+    frame = pd.DataFrame({name: full[name] for name in ("P1_W", "P2_W", "efficiency", "D0")})
+    with pytest.raises(TooFewPoints, match=r"^0 of \d+ loaded rows .* at least 12\. Make sure"):
+        usable_of(observe(frame.assign(kind="load", D1=full.points.D1, D2=full.points.D2), prototype()))

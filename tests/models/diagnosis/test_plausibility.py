@@ -20,6 +20,7 @@ from models.diagnosis.plausibility import (
     implausible,
 )
 from models.diagnosis.usable import usable_readings
+from models.screening import numbers
 from sim.model import Model
 from sim.prototype import prototype
 from sim.simulate import can_run
@@ -194,3 +195,24 @@ def test_a_table_counts_as_one_without_the_column_that_is_refused(frame: pd.Data
     assert refused.margin == bare.margin == LEAST_SPARE
     assert refused.observations.row.tolist() == bare.observations.row.tolist()
     assert refused.edge.row.tolist() == bare.edge.row.tolist()
+
+
+def test_kilowatts_of_a_large_converter_are_refused_with_the_option() -> None:
+    """Above 10 kW they pass for watts of a small one, and a current in amperes for one of another unit."""
+    large = replace(prototype(), rated_power_W=22e3)
+    power = np.linspace(12.0, 20.0, 12)
+    eta = np.linspace(0.96, 0.97, 12)
+    frame = pd.DataFrame(
+        {"kind": "load", "D1": 0.8, "D2": 0.1, "P2_W": power, "P1_W": power / eta, "efficiency": eta}
+    )
+    with pytest.raises(ImplausibleTable, match=r"P2_W: 20 at most.*22000 W.*kilowatts.*P2_W=P2_W\*1000"):
+        check_inputs(observe(frame, large), large)
+    in_watts = frame.assign(P2_W=1e3 * frame["P2_W"], P1_W=1e3 * frame["P1_W"])
+    check_inputs(observe(in_watts, large), large)
+
+
+def test_a_current_that_disagrees_by_a_thousand_may_be_right_beside_kilowatts() -> None:
+    raw = pd.DataFrame({"P2_W": [15.0, 16.0], "P1_W": [15.5, 16.5], "V1_V": 800.0, "I1_A": [19.375, 20.625]})
+    (note,) = (note for note in numbers(raw)[1] if note.startswith("I1_A"))
+    assert "I1_A=I1_A*0.001" in note
+    assert "unless it is P1_W that is in kilowatts: d2ea import --column P1_W=P1_W*1000" in note

@@ -10,7 +10,7 @@ import pytest
 from sim.effects.base import Effect
 from sim.effects.catalogue import CATALOGUE, effect
 from sim.model import Model
-from sim.parameters import Converter, ParameterError, leaves
+from sim.parameters import Converter, FullBridge, ParameterError, leaves
 from sim.prototype import prototype
 from sim.simulate import Points, Result, simulate, simulate_many
 from sim.spread import everyday_spread
@@ -285,7 +285,7 @@ def test_a_short_dead_time_is_shortened_to_nothing_at_most():
     assert np.isfinite(result["P1_W"]).all()
 
 
-@pytest.mark.parametrize("threshold_V", [0.0, 0.3])
+@pytest.mark.parametrize("threshold_V", [0.03, 0.3])
 def test_a_saturation_voltage_is_searched_no_further_than_there_is_one(threshold_V: float) -> None:
     """Beside parts at three sigmas as well: a switch with next to no threshold ended a diagnosis."""
     inner = replace(
@@ -299,3 +299,51 @@ def test_a_saturation_voltage_is_searched_no_further_than_there_is_one(threshold
     lowest = entry.converter(weak, {"voltage_V": entry.headline.lower})
     assert 0.0 <= lowest.primary.inner.on.threshold_V < 0.5 * threshold_V + 1e-12
     assert effect("igbt_saturation_voltage").at(prototype()) is effect("igbt_saturation_voltage")
+
+
+def test_a_dead_time_is_searched_no_further_than_a_fast_converter_has_room_for() -> None:
+    """Beside a dead time at three sigmas as well: 500 kHz, where 250 ns are the most."""
+    fast = replace(prototype(), frequency_Hz=500e3, dead_time_s=100e-9)
+    entry = effect("dead_time").at(fast)
+    assert 100e-9 < entry.headline.upper < 150e-9
+    spread = next(s for s in everyday_spread(fast) if s.path == "dead_time_s")
+    late = entry.converter(spread.shifted(fast, 3.0), {"error_s": entry.headline.upper})
+    assert late.dead_time_s <= 250e-9
+    with pytest.raises(ParameterError, match=r"dead_time_s.*up to a quarter of the half period"):
+        effect("dead_time").converter(fast, {"error_s": effect("dead_time").headline.upper})
+    assert effect("dead_time").at(prototype()) is effect("dead_time")
+
+
+def test_a_choke_that_saturates_already_is_searched_for_less_than_all_of_it() -> None:
+    soft = replace(prototype(), inductor=replace(prototype().inductor, saturation=0.5))
+    upper = effect("inductor_saturation").at(soft).headline.upper
+    assert 0.25 < upper < 0.4
+    assert effect("inductor_saturation").at(prototype()) is effect("inductor_saturation")
+
+
+def _with_inner(converter: Converter, **on: float) -> Converter:
+    inner = converter.primary.inner
+    return replace(
+        converter, primary=replace(converter.primary, inner=replace(inner, on=replace(inner.on, **on)))
+    )
+
+
+def test_a_saturation_voltage_is_that_of_igbts_and_an_on_resistance_that_of_fets() -> None:
+    """Wherever they are: the prototype's inner switches are IGBTs, all others FETs."""
+    of_drop, of_resistance = effect("igbt_saturation_voltage"), effect("sic_on_resistance")
+    inner_R, inner_V0 = "primary.inner.on.resistance_Ohm", "primary.inner.on.threshold_V"
+    assert of_drop.present(prototype()) == [inner_V0]
+    assert inner_R not in of_resistance.present(prototype())
+    all_fets = _with_inner(prototype(), threshold_V=0.0)
+    assert inner_R in of_resistance.present(all_fets)
+    with pytest.raises(ParameterError, match="igbt_saturation_voltage does not apply"):
+        of_drop.converter(all_fets, {"voltage_V": 0.1})
+    igbt = prototype().primary.inner
+    two_level = replace(
+        prototype(),
+        primary=FullBridge(switch=igbt),
+        secondary=FullBridge(switch=igbt),
+        modulation="tps",
+    )
+    assert of_drop.present(two_level) == ["primary.switch.on.threshold_V", "secondary.switch.on.threshold_V"]
+    assert of_resistance.present(two_level) == []
