@@ -26,7 +26,7 @@ from bench.wording import (
     probable_causes,
     size_text,
 )
-from sim.effects.catalogue import effect
+from models.diagnosis.noise import LEAST_DIFFERENCES
 
 PAGE = "diagnosis.html"  # what it is called, in a folder of its own for each stretch of a campaign
 _KURTOSIS, _AUTOCORRELATION = 3.0, 0.3  # above which the noise is said to have tails, or a memory
@@ -96,12 +96,13 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     rows = []
     for channel, n in diagnosis["noise"].items():
         sigma = (
-            f"{100 * n['sigma']:.3g} % of reading"
+            f"{100 * n['sigma']:.3g} % of the {'current' if channel == 'I_L_rms_A' else 'output power'}"
             if n["relative"]
             else f"{n['sigma']:.3g} {difference_unit(channel)}"
         )
         count = int(n["from_replicates"])
-        source = f"{counted(count, 'difference')} of replicates" if count else "assumed: no replicates"
+        source = f"{counted(count, 'difference')} of replicates" if count else "no replicates"
+        source = source if count >= LEAST_DIFFERENCES else f"assumed: {source}"
         said = []
         tails, memory = (chance / max(count, 1) ** 0.5 for chance in _BY_CHANCE)
         if count and n["excess_kurtosis"] > max(_KURTOSIS, tails):
@@ -115,7 +116,7 @@ def noise_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unseen:
     """Effects that these set points and channels cannot see at an ordinary size: ``larger`` ones would be seen, each
-    from the size given; ``never`` those that would not be at any size that is searched."""
+    from where it is so far off; ``never`` those that would not be at any size that is searched."""
 
     larger: tuple[tuple[str, str], ...]
     never: tuple[str, ...]
@@ -123,22 +124,15 @@ class Unseen:
 
 def unseen(diagnosis: Mapping[str, Any]) -> Unseen:
     """What a diagnosis of these rows is blind to."""
-    blind = [(s["effect"], s["smallest"]) for s in diagnosis["sight"] if not s["visible"]]
-    searched = {name: _reaches(name, smallest) for name, smallest in blind}
+    blind = [s for s in diagnosis["sight"] if not s["visible"]]
     return Unseen(
         larger=tuple(
-            (effect_name(name), size_text(effect(name).headline.name, smallest))
-            for name, smallest in blind
-            if searched[name]
+            (effect_name(s["effect"]), size_text(s["parameter"], s["smallest"]))
+            for s in blind
+            if s["searched"]
         ),
-        never=tuple(effect_name(name) for name, _ in blind if not searched[name]),
+        never=tuple(effect_name(s["effect"]) for s in blind if not s["searched"]),
     )
-
-
-def _reaches(name: str, smallest: float | None) -> bool:
-    """Whether an effect is searched up to that size."""
-    head = effect(name).headline
-    return smallest is not None and max(head.upper - head.off, head.off - head.lower) >= smallest
 
 
 def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:

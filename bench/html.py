@@ -6,7 +6,6 @@ from jinja2 import ChainableUndefined, Environment, FileSystemLoader
 
 from bench.verdict_wording import verdict_class
 from bench.wording import (
-    action_text,
     added_power,
     channel_name,
     counted,
@@ -17,12 +16,12 @@ from bench.wording import (
     per_cent,
     points_text,
     probability_text,
+    step_text,
     told_by,
     unbroken,
 )
 
 _FILTERS = {
-    "action": action_text,
     "added_power": added_power,
     "channel": channel_name,
     "counted": counted,
@@ -32,6 +31,7 @@ _FILTERS = {
     "per_cent": per_cent,
     "points": points_text,
     "probability": probability_text,
+    "step": step_text,
     "told_by": told_by,
     "verdict_class": verdict_class,
     "words": effect_name,

@@ -7,7 +7,6 @@ from typing import Any
 from bench.verdict_wording import CONDITIONS, doubted_conditions, possible, told_text
 from bench.wording import (
     SHOWN,
-    action_text,
     channel_name,
     counted,
     duration,
@@ -17,6 +16,7 @@ from bench.wording import (
     points_text,
     probable_causes,
     size_text,
+    step_text,
     told_by,
 )
 
@@ -255,8 +255,11 @@ def _part_name(path: str) -> str:
     ('secondary switch resistance', 'analyzer port 2 gain')
     >>> _part_name("secondary.switch.capacitance_F beside primary.outer.capacitance_F")
     'secondary switch capacitance against primary outer capacitance'
+    >>> _part_name("heatsink_K_per_W"), _part_name("inductor.thermal_K_per_W")
+    ('heatsink thermal resistance', 'inductor thermal resistance')
     """
-    bare = re.sub(r"_(Ohm|H|F|s|V|A|C|W|K|J|per_K2?)\b", "", path).replace(" beside ", " against ")
+    bare = re.sub(r"[._](thermal_)?K_per_W\b", " thermal resistance", path)
+    bare = re.sub(r"_(Ohm|H|F|s|V|A|C|W|K|J|per_K2?)\b", "", bare).replace(" beside ", " against ")
     return bare.replace("_", " ").replace(".", " ")
 
 
@@ -358,9 +361,8 @@ def diagnosis_actions(diagnosis: Mapping[str, Any]) -> list[str]:
     for step in list(diagnosis.get("next") or ())[:_STEPS_SHOWN]:
         told = told_by(step["separates"]) if step.get("separates") else ""
         minutes = f" (about {step['minutes']:.3g} min)" if step.get("minutes") is not None else ""
-        repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
         todo.append(
-            f"Measure next: {action_text(str(step['action'])).removeprefix('measure ')}{repeats}{minutes}"
+            f"Measure next: {step_text(step).removeprefix('measure ')}{minutes}"
             + (f", to tell {told}." if told else ".")
         )
     if diagnosis.get("model") and diagnosis.get("verdict") == "named" and not extension_worse(diagnosis):

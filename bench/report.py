@@ -130,7 +130,7 @@ def tiles(data: ReportData) -> list[tuple[str, str, str]]:
             (
                 "Gap to the simulation",
                 f"{points_text(gap['mean_abs_efficiency'], 2)} points",
-                f"{gap.get('mean_loss_W', 0):.1f} W of loss, mean",
+                minus(f"{gap.get('mean_loss_W', 0):+.1f} W of loss, mean"),
             )
         )
     if gain.get("after") is not None:

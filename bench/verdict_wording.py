@@ -28,7 +28,10 @@ _PLACES = {
     "ac link": "in the ac link",
     "output": "at the output",
     "timing": "in the timing",
-    "ac elements": "of the ac elements",
+    "ac elements": "in the ac elements' readings",
+    "gain over time": "as a gain of the analyzer that wanders",
+    "level": "the same at all set points",
+    "straight": "in straight lines",
 }  # of a leftover, as words; the others are words already
 
 # what a sensor's gain may be as well: everything then moves as if it were off
@@ -230,8 +233,9 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     >>> print(unexplained_text({"unknown": law | {"probability": 0.8, "rms_W": 1.2, "location": "input"}}))
     80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input, about 2 W * P/kW (90 % of it)
     >>> law["formula_explains"] = 0.01
-    >>> print(unexplained_text({"unknown": law | {"probability": 0.8, "rms_W": 1.2, "location": "input"}}))
-    80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input
+    >>> place = {"probability": 0.8, "rms_W": 1.2, "location": "input, straight"}
+    >>> print(unexplained_text({"unknown": law | place}))
+    80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input, in straight lines
     """
     unknown = diagnosis.get("unknown") or {}
     if unknown.get("strained"):
@@ -250,8 +254,7 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     said = f"{probability_text(unknown['probability'])} probable that something outside the catalogue shows"
     if "location" not in unknown:
         return said
-    place, *rest = unknown["location"].split(", ")
-    where = ", ".join([_PLACES.get(place, place), *rest])
+    where = ", ".join(_PLACES.get(part, part) for part in unknown["location"].split(", "))
     if not unknown.get("formula") or fixed(unknown["rms_W"], 2) == "0.00":
         return f"{said}, {where}"
     said = f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}"

@@ -22,7 +22,6 @@ from bench.so_far import so_far_text
 from bench.verdict_wording import stretch_texts, unexplained_text, verdict_text
 from bench.whole_file import write_whole
 from bench.wording import (
-    action_text,
     channel_name,
     counted,
     effect_name,
@@ -32,6 +31,7 @@ from bench.wording import (
     points_text,
     probability_text,
     probable_causes,
+    step_text,
     told_by,
 )
 from models.dataset import Measurements, load_measurements
@@ -215,10 +215,7 @@ def tell(plain: dict[str, Any]) -> None:
         out.print(escape(asked))
     for step in plain["next"]:
         worth = f"tells {told_by(step['separates'])}, by {step['expected_sigma']:.1f} sigma"
-        repeats = f", {step['repeats']} times" if step.get("repeats", 1) > 1 else ""
-        out.print(
-            escape(f"next: {action_text(step['action'])}{repeats} (about {step['minutes']:.3g} min); {worth}")
-        )
+        out.print(escape(f"next: {step_text(step)} (about {step['minutes']:.3g} min); {worth}"))
     if gain:
         after = f"{points_text(gain['before'])} points before, {points_text(gain['after'])} after"
         out.print(escape(f"on held-out blocks ({gain['blocks']}): {after}"))

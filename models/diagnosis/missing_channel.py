@@ -18,6 +18,11 @@ _CHEAPEST_FIRST = (
 )  # fmt: skip
 
 
+def _bare(action: str) -> str:
+    """What is measured, as it stands inside a sentence."""
+    return action.removeprefix("measure ").replace("_", " ")
+
+
 def missing_channel(
     race: Race, rows: Sequence[int], columns: Sequence[str], most: int, measured: int, told: float
 ) -> list[NextMeasurement]:
@@ -40,6 +45,6 @@ def missing_channel(
     if not found:
         return []
     _, column, step = max(found, key=lambda each: each[0])  # the first of several that separate all
-    so_far = f", {told:.1f} sigma at most" if told > _SAID else ""
-    action = f"no point will do with the channels measured{so_far}: measure {column} too; {step.action}"
+    so_far = f" (the channels measured so far tell {told:.1f} sigma at most)" if told > _SAID else ""
+    action = f"measure {column} too, beginning with {_bare(step.action)}{so_far}"
     return [replace(step, action=action, by_hand=True)]

@@ -29,7 +29,7 @@ _SCALES = (0.4, 4.0)
 _LEAST_A = 0.1  # of an rms current: below, noise is that of the range
 HOLDS = 0.01  # of the rated power: as far as a load that was set once may wander
 _LEAST = 0.1  # of the rated power: below, noise is that of the range
-_NEEDED = 4  # differences below which replicates say nothing
+LEAST_DIFFERENCES = 4  # of replicates: fewer say nothing, and noise is assumed
 _LEAST_SHARE, _TRIED = (
     1e-3,
     200,
@@ -140,7 +140,7 @@ def estimate_noise(
         steps, *slower = np.concatenate(of_each, axis=1) if of_each else np.empty((len(both), 0))
         floor = 0.0 if channel.name in _PROPORTIONAL else channel.floor
         told = _Told.of(steps, np.array(slower))
-        if told.differences >= _NEEDED:
+        if told.differences >= LEAST_DIFFERENCES:
             sigma = max(told.scatter * _upper(told.differences), floor)
             power = max(float(np.mean(steps**2)), 1e-150)  # squared below: exact replicates have none
             kurtosis = 2.0 * (float(np.mean(steps**4)) / power**2 - 3.0)  # a difference has half of it
@@ -209,7 +209,7 @@ def _autocorrelation(of_each: list[Array], power: float) -> float:
     Of noise that remembers its last value by r, successive differences correlate by -(1 - r)/2.
     """
     products = np.concatenate([d[1:] * d[:-1] for d in of_each] or [np.empty(0)])
-    if products.size < _NEEDED:
+    if products.size < LEAST_DIFFERENCES:
         return 0.0
     return float(np.clip(1 + 2 * np.mean(products) / power, -1.0, 1.0))
 
@@ -262,7 +262,7 @@ def told_by_replicates(observations: Observations, noise: list[ChannelNoise], si
 
 
 def _told(observations: Observations, entry: ChannelNoise, sigma: Array) -> float:
-    if entry.differences < _NEEDED:
+    if entry.differences < LEAST_DIFFERENCES:
         return 1.0
     mask = observations.of(entry.channel)
     loaded = observations.loaded[observations.row[mask]]

@@ -19,21 +19,29 @@ SEEN = 5.0  # sigmas
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """How well one effect is seen: the smallest distance from off that is five sigmas, and whom it ties with."""
+    """How well one effect is seen: the smallest distance from off that is five sigmas, and whom it ties with.
+
+    ``parameter`` is what that is of; ``visible`` tells whether the size that deserves its name shows, ``searched``
+    whether the smallest that does is one that is searched.
+    """
 
     effect: str
+    parameter: str
     smallest: float
     unit: str
     visible: bool
+    searched: bool
     tied_with: tuple[str, ...]
 
     def as_plain(self) -> dict[str, object]:
         """For the JSON answer."""
         return {
             "effect": self.effect,
+            "parameter": self.parameter,
             "smallest": self.smallest if np.isfinite(self.smallest) else None,
             "unit": self.unit,
             "visible": self.visible,
+            "searched": self.searched,
             "tied_with": list(self.tied_with),
         }
 
@@ -58,8 +66,17 @@ def sight(refinery: Refinery) -> list[Sight]:
         head = known.effects[first].entry.headline
         tied = tuple(names[j] for j in range(len(names)) if j != k and apart[k, j] < SEEN <= length)
         smallest = SEEN * head.prior / length if length > 0 else np.inf
-        visible = bool(length >= SEEN)
-        found.append(Sight(effect=name, smallest=smallest, unit=head.unit, visible=visible, tied_with=tied))
+        found.append(
+            Sight(
+                effect=name,
+                parameter=head.name,
+                smallest=smallest,
+                unit=head.unit,
+                visible=bool(length >= SEEN),
+                searched=bool(smallest <= max(head.upper - head.off, head.off - head.lower)),
+                tied_with=tied,
+            )
+        )
     return found
 
 

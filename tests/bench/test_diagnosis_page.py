@@ -32,9 +32,10 @@ ANSWER = {
              "leftover_only": 0.003, "wrong_cause": 0.002, "calibrated_ci95": [0.011, 0.0125],
              "intervals": {"before": [0.01, 0.014], "after": [0.0003, 0.0005], "calibrated": [0.0001, 0.0003],
                            "leftover_only": [0.0025, 0.0035], "wrong_cause": [0.001, 0.003]}},
-    "sight": [{"effect": "fan_step", "smallest": 12.0, "unit": "W", "visible": False, "tied_with": []},
-              {"effect": "auxiliary_power", "smallest": 0.5, "unit": "W", "visible": True,
-               "tied_with": ["analyzer_offset"]}],
+    "sight": [{"effect": "fan_step", "parameter": "power_W", "smallest": 12.0, "unit": "W", "visible": False,
+               "searched": True, "tied_with": []},
+              {"effect": "auxiliary_power", "parameter": "power_W", "smallest": 0.5, "unit": "W", "visible": True,
+               "searched": True, "tied_with": ["analyzer_offset"]}],
     "noise": {"efficiency": {"sigma": 2e-4, "relative": True, "from_replicates": 0, "excess_kurtosis": 0.0,
                              "autocorrelation": 0.0}},
     "rejected_rows": [{"row": 3, "column": "P2_W", "value": "0.6", "reason": "looks like kilowatts"}],
@@ -322,12 +323,18 @@ def test_a_virtual_lab_is_labelled(page: DiagnosisPage, tmp_path: Path) -> None:
 
 
 def test_tables_say_what_stands_behind_them() -> None:
-    assert noise_rows(ANSWER) == [("efficiency", "0.02 % of reading", "assumed: no replicates", "–")]
+    assert noise_rows(ANSWER) == [("efficiency", "0.02 % of the output power", "assumed: no replicates", "–")]
     assert unseen(ANSWER).larger == (("fan power step", "12 W"),)
+    few = {"efficiency": ANSWER["noise"]["efficiency"] | {"from_replicates": 3}}
+    assert noise_rows({"noise": few})[0][2] == "assumed: 3 differences of replicates"
     sight = [
-        {"effect": "link_resistance", "smallest": 0.0899, "unit": "Ohm", "visible": False, "tied_with": []},
-        {"effect": "core_loss_inductor", "smallest": 1.2, "unit": "1", "visible": False, "tied_with": []},
-        {"effect": "gate_delay_skew", "smallest": 0.36, "unit": "s", "visible": False, "tied_with": []},
+        ANSWER["sight"][0]
+        | {"effect": effect, "parameter": parameter, "smallest": smallest, "searched": searched}
+        for effect, parameter, smallest, searched in (
+            ("link_resistance", "resistance_Ohm", 0.0899, True),
+            ("core_loss_inductor", "relative_error", 1.2, True),
+            ("gate_delay_skew", "skew_s", 0.36, False),
+        )
     ]
     blind = unseen({"sight": sight})
     assert blind.larger == (("ac-link resistance", "89.9 mΩ"), ("inductor core loss", "120 %"))

@@ -8,6 +8,7 @@ import pytest
 from models.diagnosis.sight import SEEN, sight
 from models.diagnosis.signatures import Signature
 from sim.effects.catalogue import effect
+from sim.prototype import prototype
 from tests.models.diagnosis.fabricated import refinery
 
 READINGS = 30
@@ -33,6 +34,21 @@ def test_effects_that_look_alike_are_tied_and_faint_ones_invisible() -> None:
     found = {s.effect: s for s in sight(refinery(np.zeros(READINGS), effects, SIGMA))}
     assert found["auxiliary_power"].tied_with == ("analyzer_offset",)
     assert not found["link_resistance"].visible
+    assert (found["link_resistance"].parameter, found["link_resistance"].searched) == (
+        "resistance_Ohm",
+        False,
+    )
+
+
+def test_what_is_searched_goes_by_the_converters_size() -> None:
+    """1 Ohm shows, which is searched in a converter of four times the input resistance only."""
+    slope = SEEN * 0.5 * GROWING / np.linalg.norm(GROWING)
+    entry = effect("link_resistance")
+    high = entry.at(replace(prototype(), V1_V=2 * prototype().V1_V))
+    for each, searched in ((entry, False), (high, True)):
+        (seen,) = sight(refinery(np.zeros(READINGS), [Signature(entry=each, slope=slope)], SIGMA))
+        assert seen.smallest == pytest.approx(1.0, rel=1e-9)  # closed form
+        assert seen.searched is searched
 
 
 def test_the_everyday_spread_of_an_effect_does_not_tie_it_to_others() -> None:
