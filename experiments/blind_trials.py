@@ -9,7 +9,7 @@ of the hidden effect stand out of whatever could be mistaken for it, in what noi
 leave. What that excludes is counted. ``--only`` runs some of the parts, those without a bar too; finished trials are
 kept and not repeated.
 
-Seeds 4600000 to 4699999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
+Seeds 4700000 to 4799999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
 """
 
 from collections.abc import Collection, Sequence
@@ -32,12 +32,13 @@ from experiments.blind.tied import TIED_PART
 from experiments.blind.verdicts import EFFICIENCY_ONLYS, SINGLES, VERDICT_PARTS
 from experiments.harness.journal import Journal, code_hash
 from experiments.harness.registry import Experiment
-from experiments.harness.result import Picture, Result, Table
+from experiments.harness.result import Goal, Picture, Result, Table
 from experiments.harness.settings import Settings
 from experiments.study.trial_pictures import by_isolability, confusion, credibility
 
 PARTS: tuple[Part, ...] = (*VERDICT_PARTS, COVERAGE_PART, TIED_PART, EXTENSION_PART, SURROGATE_PART)
 NAMES = tuple(part.name for part in PARTS)
+_MOST_HOURS = 2.0  # on two cores
 
 
 def run_with(seeds: Seeds, settings: Settings) -> Result:
@@ -48,11 +49,20 @@ def run_with(seeds: Seeds, settings: Settings) -> Result:
     journal = Journal(path=settings.out / f"blind_trials_{seeds.said}.jsonl", code=code)
     run = Run(settings=settings, seeds=seeds, journal=journal)
     chosen = [p for p in PARTS if (p.name in settings.only if settings.only else not p.beside)]
+    in_one_run, begun_s = not journal.read(), settings.now()
     outcomes = [part.run(run) for part in chosen]
     result = _joined(outcomes)
+    if in_one_run and settings.scale == 1.0 and not settings.only:
+        result = replace(result, goals=(_time(settings.now() - begun_s), *result.goals))
     left = [part.name for part in PARTS if part not in chosen]
     said = (*result.notes, f"{SCORING}; {TUNING}", *([f"not run: {', '.join(left)}"] if left else []))
     return replace(result, notes=said, pictures=_pictures(run, {part.name for part in chosen}, result.tables))
+
+
+def _time(spent_s: float) -> Goal:
+    """How long the whole table took."""
+    name = "the whole table with one command"
+    return Goal(name=name, value=spent_s / 3600.0, bar=_MOST_HOURS, at_least=False, unit="h")
 
 
 def _pictures(run: Run, names: Collection[str], tables: Sequence[Table]) -> tuple[Picture, ...]:

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from drivers.mocks.lab.laboratory import DRIFT_S
 from drivers.mocks.lab.survey import settle, survey
 from experiments.blind.draws import extension
 from experiments.blind.part import Outcome, Part, Run
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 
 EXTENSIONS, BAR = 200, 1.2
 _BANDS, _RESAMPLES = 4, 2000
+_BESIDE = {"warm_up_drift": {"time_constant_s": DRIFT_S}}  # the other labs' are where the effects are off
 
 
 def points_of(rows: pd.DataFrame) -> Points:
@@ -49,11 +51,14 @@ def kept_band(loaded: pd.DataFrame, seed: int) -> NDArray[np.bool_]:
 
 
 def true_model(name: str, near: Result, shown_W: Array, fitted: NDArray[np.bool_]) -> Model:
-    """The baseline with the effect that is there, fitted to some rows of those that a simulation ``near`` it has."""
-    head = CATALOGUE[name].headline
+    """The baseline with the effect that is there, fitted to some rows of those that a simulation ``near`` it has.
+
+    What is beside its headline is as the lab has it.
+    """
+    head, beside = CATALOGUE[name].headline, _BESIDE.get(name, {})
 
     def model(value: float) -> Model:
-        return Model.baseline().with_effect(name, **{head.name: value})
+        return Model.baseline().with_effect(name, **{head.name: value}, **beside)
 
     def misfit(value: float) -> float:
         (there,) = simulate_many([model(value)], near.points, near)

@@ -47,9 +47,7 @@ def test_a_proposed_step_becomes_a_row(action: str, kind: str, warmer_K: float) 
 
 
 def test_a_missing_channel_is_understood_and_what_this_bench_cannot_do_is_left() -> None:
-    said = (
-        "no point will do with the channels measured: measure P_link1_W too; measure D1 = 0.8, D2 = 0.1, 90 W"
-    )
+    said = "measure P_link1_W too, beginning with D1 = 0.8, D2 = 0.1, 90 W"
     assert understood({"action": said}).channel == "P_link1_W"
     assert understood({"action": "swap the two elements at D1 = 0.8, D2 = 0.1, 900 W"}).plan is None
 
