@@ -46,5 +46,5 @@ def missing_channel(
         return []
     _, column, step = max(found, key=lambda each: each[0])  # the first of several that separate all
     so_far = f" (the channels measured so far tell {told:.1f} sigma at most)" if told > _SAID else ""
-    action = f"measure {column} too, beginning with {_bare(step.action)}{so_far}"
+    action = f"measure {column} too{so_far}, beginning with {_bare(step.action)}"
     return [replace(step, action=action, by_hand=True)]

@@ -123,7 +123,7 @@ def test_somebody_at_the_bench_is_asked_and_the_points_that_help_without_are_tol
 ) -> None:
     assert "four wires" in found.next[0].action
     assert found.next[0].by_hand
-    assert "too, beginning with D1 = " in found.next[-1].action  # no point will do with dc powers alone
+    assert ", beginning with D1 = " in found.next[-1].action  # no point will do with dc powers alone
     assert all(not step.by_hand for step in found.steps(Allowed(by_hand=False))[:-1])
 
 
