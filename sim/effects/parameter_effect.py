@@ -41,8 +41,8 @@ _OF_WHAT_THERE_IS = (
 class ParameterEffect(Effect):
     """Changes the parameters at ``paths`` (dotted) by ``change(old, value)``; a converter need not have all of them.
 
-    ``junction`` tells whose those of a device in conduction are: of those that drop a voltage at any current, IGBTs and
-    diodes, or of those that do not, FETs; ``None`` of all.
+    ``junction`` narrows paths of devices in conduction: to those that drop a voltage at any current (IGBTs and diodes)
+    where true, to those that do not (FETs) where false.
     """
 
     paths: tuple[str, ...]
@@ -114,7 +114,7 @@ def _has(owner: Any, path: list[str]) -> bool:
 
 
 def _drops(converter: Converter, path: str) -> bool:
-    """Whether the device in conduction of whom a path is a parameter drops a voltage at any current."""
+    """Whether the device whose conduction a path is a parameter of drops a voltage at any current."""
     return bool(np.any(np.asarray(attrgetter(path.rpartition(".")[0])(converter).threshold_V) != 0.0))
 
 

@@ -18,5 +18,5 @@ def test_the_true_effect_is_the_labs_in_all_its_parameters() -> None:
         "warm_up_drift", reference(Model.baseline(), points), shown["P1_W"], np.arange(14) < 7
     )
     found = simulate(fitted, points)
-    # to a thousandth of the prior scale of the rise, 0.1 % of 20 W
-    np.testing.assert_allclose(found["P1_W"], shown["P1_W"], atol=0.02)
+    # the fit's own tolerance, a thousandth of the prior scale of 0.1, is 2 mW of 16 W; a straight line misses by 0.5 W
+    np.testing.assert_allclose(found["P1_W"], shown["P1_W"], rtol=0.0, atol=4e-3)
