@@ -202,6 +202,7 @@ def _points(observations: Observations, models: Sequence[Model], allowed: Allowe
         D1=1.0, D2=0.0, power_W=0.0,
         V1_V=float(np.median(np.asarray(p.V1_V)[loaded])),
         V2_V=float(np.median(np.asarray(p.V2_V)[loaded])),
+        ambient_C=float(np.median(np.asarray(p.ambient_C)[loaded])),
         time_s=float(np.max(np.asarray(p.time_s))), held=bool(np.all(p.held)),
     )  # fmt: skip
 

@@ -176,6 +176,12 @@ def test_an_output_voltage_that_nobody_read_is_held_where_it_was_when_measured()
     np.testing.assert_allclose(options.readings[0, -3:, place], simulate(model, measured)["P1_W"], atol=1e-4)
 
 
+def test_points_are_proposed_for_the_room_that_was_measured_in(observations: Observations) -> None:
+    warm = replace(observations, points=replace(observations.points, ambient_C=31.0))
+    options = bench_options(warm, [Model.baseline()], warm.channels, Allowed(by_hand=False))
+    assert np.unique(options.points.ambient_C) == [31.0]
+
+
 @pytest.mark.parametrize(("own_s", "proposed"), [(400e-9, "200"), (100e-9, "50"), (0.0, None), (4e-6, None)])
 def test_more_dead_time_goes_by_the_converters_own_and_stays_allowed(
     own_s: float, proposed: str | None
