@@ -225,6 +225,8 @@ def parameter_text(parameter: Mapping[str, Any]) -> str:
     'resistance 57 mΩ (95 %: 44 to 70)'
     >>> parameter_text({"name": "resistance_Ohm", "value": 0.15, "ci95": [0.14, 0.16], "off": 0.05})
     'resistance 150 mΩ (95 %: 140 to 160; the model has 50 mΩ)'
+    >>> parameter_text({"name": "inductance_H", "value": 0.97e-3, "ci95": [0.89e-3, 1.05e-3], "off": 1.5e-3})
+    'inductance 970 µH (95 %: 890 to 1050; the model has 1500 µH)'
     """
     name, value = str(parameter["name"]), float(parameter["value"])
     label = next((name.removesuffix("_" + end) for end in _UNITS if name.endswith("_" + end)), name)
@@ -236,7 +238,7 @@ def parameter_text(parameter: Mapping[str, Any]) -> str:
         return minus(said)
     low, high = (f"{bound * scale:{form}}" for bound in bounds)
     off = float(parameter.get("off", 0.0))
-    has = f"; the model has {off * scale:{sign}.3g}{unit}" if off else ""
+    has = f"; the model has {_three(off * scale):{sign}g}{unit}" if off else ""
     return minus(f"{said} (95 %: {low} to {high}{has})")
 
 
@@ -256,7 +258,16 @@ def size_text(name: str, value: float) -> str:
     ('89.9 mΩ', '31.2 %', '5 h')
     """
     scale, _, unit = _scaled(name, value)
-    return f"{value * scale:.3g}{unit}"
+    return f"{_three(value * scale):g}{unit}"
+
+
+def _three(value: float) -> float:
+    """A value to three digits: as text without the exponent that a format of three digits has from a thousand on.
+
+    >>> f"{_three(1499.6):g}"
+    '1500'
+    """
+    return float(f"{value:.3g}")
 
 
 def counted(count: int, thing: str, things: str = "") -> str:
@@ -311,12 +322,12 @@ def told_by(effects: Sequence[str]) -> str:
     """What a step tells, by the effects that one explanation has and another one has not.
 
     >>> told_by(["auxiliary_power"])
-    'whether there is auxiliary power'
+    'whether auxiliary power is a cause'
     >>> told_by(["link_resistance", "sic_on_resistance"])
     'ac-link resistance and FET on-resistance apart'
     """
     names = join([effect_name(effect) for effect in effects])
-    return f"{names} apart" if len(effects) > 1 else f"whether there is {names}"
+    return f"{names} apart" if len(effects) > 1 else f"whether {names} is a cause"
 
 
 def probable_causes(diagnosis: Mapping[str, Any], least: float = SHOWN) -> list[Mapping[str, Any]]:

@@ -2,12 +2,15 @@
 
 The keys are those of the parameter objects (:mod:`sim.parameters`). A bridge with ``outer``, ``inner`` and ``clamp`` is
 three-level, one with ``switch`` two-level. A device is the name of a part in ``sim/devices`` or a table like one of
-those files, in which a value may be a bare number or ``{ value, tolerance, source }``.
+those files. A value of a device, or one whose spread is listed in :mod:`sim.spread`, may be a bare number or
+``{ value, tolerance, source }``.
 """
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
+from functools import reduce
+from operator import getitem
 from typing import Any, TypeVar
 
 import numpy as np
@@ -30,6 +33,7 @@ from sim.parameters import (
     Winding,
 )
 from sim.size import size
+from sim.spread import TOLERANCED
 
 T = TypeVar("T")
 Plain = dict[str, Any]
@@ -41,6 +45,7 @@ _SECTIONS: dict[type, dict[str, type]] = {
     Diode: {"on": Conduction, "recovery": Recovery, "capacitance": Capacitance},
     Inductor: {"winding": Winding, "core": Core},
     Transformer: {"winding": Winding, "core": Core},
+    Converter: {"inductor": Inductor, "transformer": Transformer},
 }  # fmt: skip
 _USUALLY = {  # where a file may be silent
     "secondary_delay_s": 0.0, "auxiliary_power_W": 0.0, "input_cable_Ohm": 0.0, "output_cable_Ohm": 0.0,
@@ -100,6 +105,10 @@ def converter_to_plain(converter: Converter) -> Plain:
     """Plain data of a converter; a device that is as its data file says is named only."""
     plain = _plain(converter)
     del plain["modulation"]
+    for path, tolerance in plain.pop("tolerances").items():
+        *owners, name = path.split(".")
+        table = reduce(getitem, owners, plain)
+        table[name] = {"value": table[name], "tolerance": tolerance}
     for bridge in ("primary", "secondary"):
         devices = getattr(converter, bridge)
         plain[bridge] = {f.name: _device_plain(getattr(devices, f.name)) for f in fields(devices)}
@@ -139,13 +148,15 @@ class _Reader:
     wrong: list[Wrong] = field(default_factory=list)
 
     def converter(self, data: Mapping[str, Any], modulation: str | None) -> Converter | None:
-        found = {**_USUALLY, **data}
+        tolerances: dict[str, float] = {}
+        found = {**_USUALLY, **self._numbers(Converter, data, (), tolerances)}
         for name, section in (("inductor", Inductor), ("transformer", Transformer)):
             found[name] = self._table(section, found.get(name), (name,))
         found["primary"] = self._bridge(found.get("primary"), "primary")
         found["secondary"] = self._bridge(found.get("secondary"), "secondary")
         usual = "" if found["primary"] is None else found["primary"].modulations[0]
-        found["modulation"] = modulation or usual
+        self._no_tolerances(found, ())
+        found |= {"modulation": modulation or usual, "tolerances": tolerances}
         converter = self._object(Converter, found, ())
         if converter is None:
             return None
@@ -159,7 +170,10 @@ class _Reader:
             )
         rated_W, most_W = converter.rated_power_W, ideal_most_W(converter)
         if rated_W > most_W:
-            allowed = f"n V1 V2 / (8 fs L) is {most_W:.0f} W: these values carry no more, whatever the phase"
+            allowed = (
+                f"n V1 V2 / (8 fs L) is {most_W:.3g} W: these values carry no more, whatever the phase; check it, "
+                f"frequency_Hz, the voltages, and inductor.inductance_H = {converter.inductor.inductance_H:g}"
+            )
             self._add(("rated_power_W",), rated_W, allowed)
         if most_W > _MOST_RATED * rated_W:
             allowed = (
@@ -208,11 +222,36 @@ class _Reader:
         thermal = found.pop("thermal", {})
         if isinstance(thermal, Mapping) and "resistance_K_per_W" in thermal:
             found["thermal_K_per_W"] = thermal["resistance_K_per_W"]
+        elif "thermal_K_per_W" not in found:
+            self._add((*keys, "thermal", "resistance_K_per_W"), None, "is missing: from junction to heatsink")
+            found["thermal_K_per_W"] = None
+        self._no_tolerances(found, keys)
+        return self._table(kind, {**found, "tolerances": tolerances}, keys)
+
+    def _no_tolerances(self, found: Mapping[str, Any], keys: tuple[str, ...]) -> None:
         if "tolerances" in found:
             self._add(
                 (*keys, "tolerances"), found["tolerances"], "belongs to each value: { value, tolerance }"
             )
-        return self._table(kind, {**found, "tolerances": tolerances}, keys)
+
+    def _numbers(
+        self, kind: type, data: Mapping[str, Any], keys: tuple[str, ...], tolerances: dict[str, float]
+    ) -> Plain:
+        """A table without the tolerances that its values are stated with, and those by dotted path; no device."""
+        found, sections = dict(data), _SECTIONS.get(kind, {})
+        for name, entry in data.items():
+            path = (*keys, name)
+            if name in sections and isinstance(entry, Mapping):
+                found[name] = self._numbers(sections[name], entry, path, tolerances)
+            elif ".".join(path) in TOLERANCED and isinstance(entry, Mapping):
+                own: dict[str, float] = {}
+                found[name] = self._value(entry, path, own)
+                for tolerance in own.values():
+                    if tolerance > 0.0 and found[name] == 0.0:
+                        self._add((*path, "tolerance"), tolerance, "a share of the value, which is 0")
+                    elif tolerance > 0.0:
+                        tolerances[".".join(path)] = tolerance
+        return found
 
     def _value(self, entry: Any, keys: tuple[str, ...], tolerances: dict[str, float]) -> Any:
         """A number, and its tolerance if it has one."""
@@ -249,13 +288,14 @@ class _Reader:
             if name not in known:
                 near = get_close_matches(name, known, n=1)
                 hint = f"did you mean {near[0]!r}? " if near else ""
-                self._add((*keys, name), None, f"unknown key; {hint}known here: {', '.join(known)}")
+                self._add((*keys, name), None, f"unknown key; {hint}known here: {', '.join(_written(kind))}")
         required = {f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING}  # type: ignore[arg-type]
         for name in sorted(required - set(found)):
             self._add((*keys, name), None, "is missing")
         for name, value in found.items():
             if name in known and not self._fits(name, value):
-                self._add((*keys, name), value, "text" if name in _TEXTS else "a number")
+                none = ", and states no tolerance" if isinstance(value, Mapping) else ""
+                self._add((*keys, name), value, "text" if name in _TEXTS else f"a number{none}")
         if len(self.wrong) > before or any(found[name] is None for name in found):
             return None
         try:
@@ -278,3 +318,9 @@ class _Reader:
 
 def _names(kind: type) -> list[str]:
     return [f.name for f in fields(kind)]
+
+
+def _written(kind: type) -> list[str]:
+    """The keys of a table as a file has them."""
+    device = {"thermal_K_per_W": "thermal"} if kind in (Switch, Diode) else {}
+    return [device.get(name, name) for name in _names(kind) if name != "tolerances"]

@@ -224,7 +224,8 @@ class Converter:
 
     ``modulation`` is one of the primary's (:mod:`sim.modulation`); ``auxiliary_power_W`` is
     what gate drivers, fan and control take from the input while the bridges switch;
-    ``secondary_delay_s`` how much later the secondary's gates come than the primary's.
+    ``secondary_delay_s`` how much later the secondary's gates come than the primary's. ``tolerances`` are everyday
+    spreads by dotted path, one sigma relative to the value, where they are others than usual (:mod:`sim.spread`).
     """
 
     name: str
@@ -244,6 +245,7 @@ class Converter:
     input_cable_Ohm: Quantity
     output_cable_Ohm: Quantity
     heatsink_K_per_W: Quantity
+    tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         positive(self, "V1_V", "V2_V", "rated_power_W", "frequency_Hz", "heatsink_K_per_W")
@@ -285,6 +287,6 @@ def leaves(parameters: object, path: str = "") -> dict[str, object]:
     for entry in fields(parameters):  # type: ignore[arg-type]
         value = getattr(parameters, entry.name)
         here = f"{path}{entry.name}"
-        if not isinstance(value, Mapping):  # a device's tolerances are about its values
+        if not isinstance(value, Mapping):  # tolerances are about values
             found |= leaves(value, f"{here}.") if is_dataclass(value) else {here: value}
     return found

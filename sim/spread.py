@@ -1,7 +1,7 @@
 """How far every part of a converter is off on any ordinary day: one sigma of each parameter.
 
-Devices bring theirs from their data files; the rest is listed here. A diagnosis that does not know
-of these spreads calls every one of them a fault.
+Devices bring theirs from their data files; the rest is listed here, where the converter's own file states no other. A
+diagnosis that does not know of these spreads calls every one of them a fault.
 """
 
 from collections.abc import Iterable, Iterator
@@ -27,7 +27,9 @@ class Spread:
     goes_by: str = ""
 
     def at(self, converter: Converter) -> Self:
-        """The spread as a converter of any size has it."""
+        """The spread as a converter of any size has it, or as its file states it."""
+        if (stated := converter.tolerances.get(self.path)) is not None:
+            return replace(self, sigma=stated, relative=True, goes_by="")
         return replace(self, sigma=self.sigma * size(self.goes_by, converter)) if self.goes_by else self
 
     def shifted(self, converter: Converter, sigmas: float) -> Converter:
@@ -80,6 +82,8 @@ _REST = (
     Spread(path="output_cable_Ohm", sigma=0.0005, relative=False, lower=0.0, goes_by="output_resistance"),
     Spread(path="heatsink_K_per_W", sigma=0.06),
 )
+
+TOLERANCED = frozenset(spread.path for spread in _REST)  # what a converter's file may state a tolerance of
 
 # Assumption: a device's resistance bends off the line through 25 and 125 degC as UF3C065030K4S's does, whose datasheet
 # says 1.32 at 125 and 1.59 at 175 degC, or the other way: by 4 % at 75 and 11 % at 175 degC. Its own data may say more.

@@ -23,8 +23,8 @@ from models.space_filling import farthest
 Array = NDArray[np.float64]
 
 _MANY = 1000  # random points, of which the first are taken
-_SHARE, _MOST = 0.4, 128  # of the points are chosen where the optimum is decided
-_ROUNDS = 7
+_SHARE, _MOST = 0.5, 128  # of the points are chosen where the optimum is decided
+_ROUNDS = 9
 DESIGN = 29
 _ANOTHER = 1_000_000  # between the seeds of the noise of one round and the next
 

@@ -44,13 +44,13 @@ def inaccuracy(observations: Observations, near: Result, converter: Converter) -
         if at_edges:
             error_W[1] = law * lost_W
             error_W[2] = _AT_SMALL_CURRENT * cut_short[part.partition("_")[0]] * lost_W
-        for channel in _showing(part):
+        for channel, per_W in _showing(part, converter).items():
             mask = observations.of(channel)
-            squares[:, mask] += error_W[:, row[mask]] ** 2
+            squares[:, mask] += (per_W * error_W[:, row[mask]]) ** 2
     for edge, rest_W in zip(EDGES, _rest_W(near, converter), strict=True):
-        for channel in _showing(edge):
+        for channel, per_W in _showing(edge, converter).items():
             mask = observations.of(channel)
-            squares[2, mask] += (_THE_REST * rest_W[row[mask]]) ** 2
+            squares[2, mask] += (per_W * _THE_REST * rest_W[row[mask]]) ** 2
     return np.asarray(np.sqrt(squares))
 
 
@@ -128,11 +128,24 @@ def at_edges_W(near: Result) -> Array:
     )
 
 
-def _showing(part: str) -> tuple[str, ...]:
-    """The channels of power that a loss part, or an edge, lies behind."""
-    if part.startswith("primary"):
-        return ("efficiency",)
-    return ("efficiency", "P_link1_W") if part in IN_LINK else ("efficiency", "P_link1_W", "P_link2_W")
+def _showing(part: str, converter: Converter) -> dict[str, float]:
+    """The channels that a watt of a loss part, or of an edge, moves, and by how much: powers in front, and its heat."""
+    behind = ["efficiency"]
+    if not part.startswith("primary"):
+        behind.append("P_link1_W")
+        if part not in IN_LINK:
+            behind.append("P_link2_W")
+    return dict.fromkeys(behind, 1.0) | _warming(part, converter)
+
+
+def _warming(part: str, converter: Converter) -> dict[str, float]:
+    """The temperature that a watt of a loss part, or of an edge, moves, in K; none where no sensor is."""
+    if part.startswith(BRIDGES):
+        return {"T_heatsink_C": float(converter.heatsink_K_per_W)}
+    for place, wound in (("inductor", converter.inductor), ("transformer", converter.transformer)):
+        if part.startswith(place):
+            return {f"T_{place}_C": float(wound.thermal_K_per_W)}
+    return {}
 
 
 def _parts(near: Result) -> list[tuple[str, float, bool]]:

@@ -165,7 +165,7 @@ def test_actions_follow_the_verdict(data):
     assert actions(data) == [
         "Check ac-link resistance: measure the ac link with four wires; expected, against the simulation: "
         "resistance 71 mΩ (95 %: 66 to 77).",
-        "Measure next: standby (about 1.5 min), to tell whether there is auxiliary power.",
+        "Measure next: standby (about 1.5 min), to tell whether auxiliary power is a cause.",
         "Simulate with the extended model from now on: out/model.toml.",
     ]
     gain = DIAGNOSIS["gain"]
@@ -185,7 +185,7 @@ def test_actions_follow_the_verdict(data):
     asked = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "group", "next": [step]}))
     assert (
         asked[-1]
-        == "Measure next: D1 = 0.7, D2 = 0.2, 500 W (about 4 min), to tell whether there is dead time."
+        == "Measure next: D1 = 0.7, D2 = 0.2, 500 W (about 4 min), to tell whether dead time is a cause."
     )
     suspect = actions(replace(data, diagnosis=DIAGNOSIS | {"verdict": "consistent"}))
     assert suspect[0].startswith("Change nothing yet")

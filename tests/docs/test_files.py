@@ -17,7 +17,19 @@ from bench.toml_file import to_toml
 from drivers.mocks.fault_kinds import KINDS, WIRES
 from drivers.mocks.faults import DATABASE, DATABASE_KINDS, FaultFile
 from sim.converter_data import ConverterDataError, converter_from_plain
-from sim.parameters import Converter
+from sim.parameters import (
+    Capacitance,
+    Conduction,
+    Converter,
+    Core,
+    Diode,
+    Recovery,
+    Switch,
+    SwitchingEnergy,
+    Winding,
+)
+from sim.prototype import prototype
+from sim.spread import TOLERANCED, everyday_spread
 from tests.docs.tables import Row, tables
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "files.md"
@@ -119,7 +131,10 @@ def test_the_kinds_of_faults_are_on_the_page_with_what_each_can_happen_to() -> N
 def test_the_keys_of_a_model_file_are_on_the_page() -> None:
     of_file, of_converter = listed("model.toml")[""], listed("model.toml")["converter"]
     assert [row[0] for row in of_file] == list(KEYS)
-    assert {row[0] for row in of_converter} == {f.name for f in fields(Converter)} - {"modulation"}
+    assert {row[0] for row in of_converter} == {f.name for f in fields(Converter)} - {
+        "modulation",
+        "tolerances",
+    }
 
 
 def test_what_a_model_file_may_leave_out_of_its_converter_is_told_with_its_default() -> None:
@@ -133,3 +148,35 @@ def test_what_a_model_file_may_leave_out_of_its_converter_is_told_with_its_defau
     assert {key: str(getattr(least, key)) for key in stated.keys() - missing} == {
         key: stated[key] for key in stated.keys() - missing
     }
+
+
+def test_the_keys_of_a_converters_parts_are_on_the_page() -> None:
+    told = {
+        row[0]: row for table in tables(PAGE) if table.part == "Parts of a converter" for row in table.rows
+    }
+    kinds = {
+        "on": Conduction, "reverse": Conduction, "turn_off, turn_on": SwitchingEnergy, "recovery": Recovery,
+        "capacitance": Capacitance, "winding": Winding, "core": Core,
+    }  # fmt: skip
+    for table, kind in kinds.items():
+        if table != "reverse":  # which is like on
+            assert all(re.search(rf"\b{f.name}\b", told[table][2]) for f in fields(kind)), table
+    of_devices = {f.name for f in (*fields(Switch), *fields(Diode))} - {"thermal_K_per_W", "tolerances"}
+    tables_told = {name for key in told for name in key.split(", ")} | {"part", "synchronous"}
+    assert of_devices | {"thermal", "winding", "core"} <= tables_told
+    assert "part" in told["the device itself"][2]
+    assert "synchronous" in told["the device itself"][2]
+
+
+def test_every_usual_spread_is_on_the_page_with_its_size() -> None:
+    rows = {
+        row[0]: row[1] for table in tables(PAGE) if table.part == "Everyday spreads" for row in table.rows
+    }
+    units = {"%": (0.01, True), "ns": (1e-9, False), "mΩ": (1e-3, False), "mW": (1e-3, False)}
+    told = {}
+    for paths, size in rows.items():
+        number, unit = size.replace(",", "").split()[:2]
+        factor, relative = units[unit]
+        told |= dict.fromkeys(paths.split(", "), (pytest.approx(float(number) * factor), relative))
+    usual = {s.path: (s.sigma, s.relative) for s in everyday_spread(prototype()) if s.path in TOLERANCED}
+    assert usual == told

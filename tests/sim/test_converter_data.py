@@ -116,3 +116,48 @@ def test_a_tolerance_that_is_no_share_is_named(tolerance: object) -> None:
     switch["on"] = switch["on"] | {"resistance_Ohm": {"value": 0.01, "tolerance": tolerance}}
     data["secondary"] = {"switch": switch}
     assert "a share of the value" in wrong_with(data)["secondary.switch.on.resistance_Ohm.tolerance"]
+
+
+def test_a_value_of_the_link_may_state_its_own_tolerance() -> None:
+    data = example() | {"dead_time_s": {"value": 150e-9, "tolerance": 0.1, "source": "gate driver"}}
+    data["inductor"]["inductance_H"] = {"value": 120e-6, "tolerance": 0.05}
+    data["transformer"]["winding"]["resistance_Ohm"] = {"value": 0.05}  # a source, or nothing, beside it
+    converter = converter_from_plain(data)
+    assert (converter.dead_time_s, converter.inductor.inductance_H) == (150e-9, 120e-6)
+    spreads = {s.path: s for s in everyday_spread(converter)}
+    usual = {s.path: s for s in everyday_spread(converter_from_plain(example()))}
+    assert (spreads["inductor.inductance_H"].sigma, usual["inductor.inductance_H"].sigma) == (0.05, 0.01)
+    assert spreads["dead_time_s"].moved(150e-9, 1.0) == pytest.approx(165e-9)
+    same = set(spreads) - {"inductor.inductance_H", "dead_time_s"}
+    assert all(spreads[path] == usual[path] for path in same)
+    assert converter_from_plain(converter_to_plain(converter)) == converter
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("link_resistance_Ohm", {"value": 0.0, "tolerance": 0.1}, "a share of the value, which is 0"),
+        ("dead_time_s", {"value": 150e-9, "tolerance": -1.0}, "a share of the value: 0 or more"),
+        ("V1_V", {"value": 400.0, "tolerance": 0.1}, "a number, and states no tolerance"),
+        ("tolerances", {"dead_time_s": 0.1}, "belongs to each value"),
+    ],
+)
+def test_a_tolerance_that_means_nothing_is_named(key: str, value: object, told: str) -> None:
+    assert any(told in allowed for allowed in wrong_with(example() | {key: value}).values())
+
+
+def test_a_device_without_thermal_resistance_is_told_the_key_of_the_file() -> None:
+    data = example()
+    del data["secondary"]["switch"]["thermal"]
+    wrong = wrong_with(data)
+    assert list(wrong) == ["secondary.switch.thermal.resistance_K_per_W"]
+    data["secondary"]["switch"]["termal"] = 1.0
+    known = wrong_with(data)["secondary.switch.termal"].partition("known here: ")[2].split(", ")
+    assert "thermal" in known
+    assert not {"thermal_K_per_W", "tolerances"} & set(known)
+
+
+def test_a_link_that_carries_nothing_is_told_with_its_inductance() -> None:
+    data = example()
+    data["inductor"]["inductance_H"] = 120.0
+    assert "inductor.inductance_H = 120" in wrong_with(data)["rated_power_W"]

@@ -55,6 +55,33 @@ def test_a_part_is_seen_by_the_channels_behind_it(part: str, law: float, shown_b
     assert not np.any(cut_short)
 
 
+@pytest.mark.parametrize(
+    ("part", "sensor", "law_K"),
+    [
+        ("primary_inner_conduction", "T_heatsink_C", 0.1),  # 1 % of 10 W into 1 K/W
+        ("secondary_conduction", "T_heatsink_C", 0.1),
+        ("transformer_core", "T_transformer_C", 1.5),  # 3 % into 5 K/W
+        ("inductor_copper", "T_inductor_C", 0.7),  # 1 % into 7 K/W
+    ],
+)
+def test_a_part_is_as_unsure_in_the_heat_that_it_makes(part: str, sensor: str, law_K: float) -> None:
+    sensors = ["T_heatsink_C", "T_transformer_C", "T_inductor_C"]
+    row = {"D1": 0.9, "D2": 0.1, "P2_W": 500.0, "kind": "load", **dict.fromkeys(sensors, 40.0)}
+    smooth, *_ = inaccuracy(observe(pd.DataFrame([row]), prototype()), lost_in(part), prototype())
+    own = np.array([CHANNEL[name].accuracy for name in sensors])
+    extra = np.where(np.array(sensors) == sensor, law_K, 0.0)
+    np.testing.assert_allclose(smooth, np.hypot(own, extra), rtol=1e-12)
+
+
+def test_an_edge_is_as_unsure_in_the_heat_that_it_makes() -> None:
+    row = {"D1": 0.9, "D2": 0.1, "P2_W": 500.0, "kind": "load", "P1_W": 520.0, "T_heatsink_C": 40.0}
+    hot = replace(prototype(), heatsink_K_per_W=2.5)
+    near = lost_in("primary_outer_switching", primary_fall=0.5)
+    of_power, of_heat = inaccuracy(observe(pd.DataFrame([row]), hot), near, hot)[2]
+    assert of_power > 1.0  # W: a tenth of what is switched, beside half of what the rest costs
+    assert of_heat == pytest.approx(2.5 * of_power, rel=1e-12)
+
+
 def test_what_happens_at_edges_may_also_change_over_a_short_way() -> None:
     _, at_edges, _ = inaccuracy(readings(), lost_in("primary_outer_switching"), prototype())
     np.testing.assert_allclose(at_edges, [0.5, 0.0, 0.0], rtol=1e-12)  # 5 % of 10 W
