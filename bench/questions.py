@@ -1,10 +1,9 @@
 """What a diagnosis asks its reader to make sure of, and to do, the most urgent first."""
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
-from bench.verdict_wording import CONDITIONS, doubted_conditions, possible, told_text
+from bench.verdict_wording import CONDITIONS, doubted_conditions, parts_text, possible, told_text
 from bench.wording import (
     SHOWN,
     channel_name,
@@ -248,30 +247,10 @@ def _only_with_spreads(diagnosis: Mapping[str, Any]) -> str:
     )
 
 
-def _part_name(path: str) -> str:
-    """A part's quantity, how two parts differ in one, or an instrument's error, by the name that its spread has.
-
-    >>> _part_name("secondary.switch.resistance_Ohm"), _part_name("analyzer port 2 gain")
-    ('secondary switch resistance', 'analyzer port 2 gain')
-    >>> _part_name("secondary.switch.capacitance_F beside primary.outer.capacitance_F")
-    'secondary switch capacitance against primary outer capacitance'
-    >>> _part_name("heatsink_K_per_W"), _part_name("inductor.thermal_K_per_W")
-    ('heatsink thermal resistance', 'inductor thermal resistance')
-    """
-    bare = re.sub(r"[._](thermal_)?K_per_W\b", " thermal resistance", path)
-    bare = re.sub(r"_(Ohm|H|F|s|V|A|C|W|K|J|per_K2?)\b", "", bare).replace(" beside ", " against ")
-    return bare.replace("_", " ").replace(".", " ")
-
-
 def _question_of_parts(diagnosis: Mapping[str, Any]) -> str:
     """What to ask where what is found needs a part, or an instrument, as far off as no ordinary one is; else empty."""
-    parts = diagnosis.get("parts") or ()
-    said = join([f"{_part_name(part['part'])} {abs(part['sigma']):.1f} times" for part in parts])
-    return (
-        f"More may be wrong than is said: what is found needs {said} its everyday spread off."
-        if parts
-        else ""
-    )
+    said = parts_text(diagnosis)
+    return f"More may be wrong than is said: what is found needs {said}." if said else ""
 
 
 def _question_of_laws(diagnosis: Mapping[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """The verdict of a diagnosis in words: its headline, what is suspected, and what no cause explains."""
 
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -70,6 +71,32 @@ def possible(diagnosis: Mapping[str, Any]) -> list[str]:
 def doubted_conditions(diagnosis: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Conditions that nobody read, where readings say that they were others than were taken."""
     return [c for c in diagnosis.get("conditions") or () if c["value"] is not None]
+
+
+def _part_name(path: str) -> str:
+    """A part's quantity, how two parts differ in one, or an instrument's error, by the name that its spread has.
+
+    >>> _part_name("secondary.switch.resistance_Ohm"), _part_name("analyzer port 2 gain")
+    ('secondary switch resistance', 'analyzer port 2 gain')
+    >>> _part_name("secondary.switch.capacitance_F beside primary.outer.capacitance_F")
+    'secondary switch capacitance against primary outer capacitance'
+    >>> _part_name("heatsink_K_per_W"), _part_name("inductor.thermal_K_per_W")
+    ('heatsink thermal resistance', 'inductor thermal resistance')
+    """
+    bare = re.sub(r"[._](thermal_)?K_per_W\b", " thermal resistance", path)
+    bare = re.sub(r"_(Ohm|H|F|s|V|A|C|W|K|J|per_K2?)\b", "", bare).replace(" beside ", " against ")
+    return bare.replace("_", " ").replace(".", " ")
+
+
+def parts_text(diagnosis: Mapping[str, Any]) -> str:
+    """Which parts and instruments have to be further off than any ordinary one is; empty where none has to.
+
+    >>> parts_text({"parts": [{"part": "dead_time_s", "sigma": -9.52}]})
+    'dead time 9.5 times its everyday spread off'
+    """
+    parts = diagnosis.get("parts") or ()
+    said = join([f"{_part_name(part['part'])} {abs(part['sigma']):.1f} times" for part in parts])
+    return f"{said} its everyday spread off" if said else ""
 
 
 def verdict_class(diagnosis: Mapping[str, Any]) -> str:
@@ -246,7 +273,7 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     if unknown.get("probability", 0.0) < 0.01:
         return ""
     if told := sensor_text(diagnosis) or over_temperature_text(diagnosis):
-        return f"{probability_text(unknown['probability'])} probable that {told}"
+        return f"{probability_text(unknown.get('at_place', unknown['probability']))} probable that {told}"
     if onset := onset_text(diagnosis):
         return (
             f"{probability_text(unknown['probability'])} probable that something changed on the way: {onset}"
@@ -279,6 +306,8 @@ def verdict_text(diagnosis: Mapping[str, Any]) -> str:
     'No fault proven: nothing is wrong (25.0 %), or dead time (40.0 %)'
     >>> verdict_text({"verdict": "consistent", "conditions": [{"column": "V1_V", "taken": 300.0, "value": 304.0}]})
     'Simulation and measurement agree if V1_V was not 300 V'
+    >>> verdict_text({"verdict": "consistent", "parts": [{"part": "dead_time_s", "sigma": 9.52}]})
+    'Simulation and measurement agree, with dead time 9.5 times its everyday spread off'
     >>> left_over = {"verdict": "unknown", "unknown": {"probability": 0.4}}
     >>> verdict_text(left_over | {"causes": [{"effect": "dead_time", "probability": 0.6}]})
     'Something is wrong: dead time (60.0 %), or what no known cause explains'
@@ -337,7 +366,12 @@ def _of_agreement(diagnosis: Mapping[str, Any]) -> str:
     provided = [
         f"{c['column']} was not {size_text(c['column'], c['taken'])}" for c in doubted_conditions(diagnosis)
     ]
-    return VERDICTS["consistent"] + (f" if {join(provided)}" if provided else "")
+    parts = parts_text(diagnosis)
+    return (
+        VERDICTS["consistent"]
+        + (f" if {join(provided)}" if provided else "")
+        + (f", with {parts}" if parts else "")
+    )
 
 
 def _of_the_unknown(diagnosis: Mapping[str, Any]) -> str:

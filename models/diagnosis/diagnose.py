@@ -171,7 +171,7 @@ class Diagnosis:
         u = self.unexplained
         if u is None:
             return {}
-        placed: dict[str, Any] = {"location": u.location, "rms_W": u.rms_W}
+        placed: dict[str, Any] = {"location": u.location, "at_place": u.at_place, "rms_W": u.rms_W}
         if u.sensor is not None:
             placed["sensor"] = u.sensor.as_plain()
         if u.over_temperature is not None:

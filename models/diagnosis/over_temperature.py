@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from models.diagnosis.observations import Observations
 from models.diagnosis.sensors import times_in
 from models.diagnosis.signatures import Signatures
+from sim.effects.catalogue import CATALOGUE
 
 Array = NDArray[np.float64]
 
+_OVER = " over "  # in a place, between the effect and the thermometer's column
 _STEP_K = 250.0  # Assumption: five steps, one sigma, change a property by what its effect's prior is, in 50 K
 
 
@@ -50,7 +52,7 @@ class TemperatureStep:
     @property
     def place(self) -> str:
         """A leftover's place, in words."""
-        return f"{self.change.effect} over {self.change.column}"
+        return f"{self.change.effect}{_OVER}{self.change.column}"
 
 
 def temperature_steps(observations: Observations, known: Signatures) -> Iterator[TemperatureStep]:
@@ -78,6 +80,12 @@ def temperature_steps(observations: Observations, known: Signatures) -> Iterator
             ),
             direction=per_K * warmer_K * s.slope,
         )
+
+
+def is_over_temperature(location: str) -> bool:
+    """Whether a leftover's place is a property that goes by its part's temperature."""
+    name, found, column = location.partition(_OVER)
+    return bool(found) and name in CATALOGUE and CATALOGUE[name].thermometer == column
 
 
 def over_temperature(steps: Iterable[TemperatureStep], location: str, shift: Array) -> OverTemperature | None:

@@ -10,15 +10,21 @@ from numpy.typing import NDArray
 from models.diagnosis.evidence import Hypothesis, probability_of
 from models.diagnosis.leftover import IN_TIME
 from models.diagnosis.onset import Onset, is_onset
-from models.diagnosis.over_temperature import OverTemperature, over_temperature, temperature_steps
+from models.diagnosis.over_temperature import (
+    OverTemperature,
+    is_over_temperature,
+    over_temperature,
+    temperature_steps,
+)
 from models.diagnosis.refinery import Refinery
-from models.diagnosis.sensors import SensorError, sensor_error, sensor_steps
+from models.diagnosis.sensors import SensorError, is_sensor, sensor_error, sensor_steps
 from sim.operating_points import Points
 
 Array = NDArray[np.float64]
 
 _WORTH_A_LOOK = 0.01  # of probability
 _LIKELY = 0.5  # probability of a leftover from which it is described
+_SURE = 0.95  # of all leftovers: from which it is called a sensor's, or a property's that goes by temperature
 _KILO = 1000.0
 _TERMS: dict[str, Callable[[Points], Array]] = {
     "1": lambda p: np.ones(len(p)),
@@ -43,9 +49,9 @@ class Unexplained:
 
     ``watts`` (n,) is its most probable value at the frame's ``rows`` (n,), whose ``readings`` (n,) of the input power
     show it; ``size`` its length in sigmas of what the fit beside it leaves open, errors of its causes' laws included;
-    ``probability`` that of any leftover. ``sensor`` is what is off where it is a sensor's error, ``over_temperature``
-    the property where it is one that goes by its part's temperature, ``onset`` the cause where it is one that is not
-    there all the time.
+    ``probability`` that of any leftover, ``at_place`` that of one there. ``sensor`` is what is off where it is a
+    sensor's error, ``over_temperature`` the property where it is one that goes by its part's temperature, ``onset`` the
+    cause where it is one that is not there all the time.
     """
 
     location: str
@@ -57,6 +63,7 @@ class Unexplained:
     watts: Array
     size: float
     probability: float
+    at_place: float
     sensor: SensorError | None = None
     over_temperature: OverTemperature | None = None
     onset: Onset | None = None
@@ -72,18 +79,24 @@ def unexplained(
 ) -> Unexplained | None:
     """The leftover of the most probable hypothesis that has one; None where nothing speaks for any.
 
-    The ``onset`` is the one that is among the leftovers.
+    That of a sensor, or of a property that goes by temperature, is told only where that is sure of all leftovers, or no
+    other comes near; its ``size`` is what it is. The ``onset`` is the one that is among the leftovers.
     """
     with_one = [h for h in hypotheses if h.leftover is not None]
     probability = probability_of(with_one)
     if probability < _WORTH_A_LOOK:
         return None
-    best = with_one[0]
-    assert best.leftover is not None
-    geometry, observations = refinery.geometry, refinery.observations
-    pulled = refinery.solved(best.fit, best.leftover)
+    at_place = dict[str, float]()
+    for h in with_one:
+        at_place[_where(h)] = at_place.get(_where(h), 0.0) + h.probability
+    leading = with_one[0]
+    best = leading
+    if _is_specific(_where(leading)) and at_place[_where(leading)] < _SURE * probability:
+        plain = (h for h in with_one if not _is_specific(_where(h)))
+        best = next((h for h in plain if at_place[_where(h)] > (1 - _SURE) * probability), leading)
+    observations, location = refinery.observations, _where(best)
     at = observations.of("efficiency") & observations.loaded[observations.row]
-    shift, location = geometry.leftovers.of(best.leftover, pulled), best.leftover.location
+    shift, largest = _course(refinery, best), _course(refinery, leading)
     readings = np.flatnonzero(at)
     rows, watts = observations.row[readings], shift[readings]
     formula, explained = shortest_formula(observations.points.take(rows), watts)
@@ -95,12 +108,30 @@ def unexplained(
         rows=rows,
         readings=readings,
         watts=watts,
-        size=float(np.sqrt(shift @ refinery.solve(best.fit, shift[None])[0])),
+        size=float(np.sqrt(largest @ refinery.solve(leading.fit, largest[None])[0])),
         probability=probability,
+        at_place=at_place[location],
         onset=onset.read(shift) if onset is not None and is_onset(location) else None,
         sensor=sensor_error(sensor_steps(observations, refinery.known), location, shift),
         over_temperature=over_temperature(temperature_steps(observations, refinery.known), location, shift),
     )
+
+
+def _where(hypothesis: Hypothesis) -> str:
+    """The place of its leftover."""
+    return "" if hypothesis.leftover is None else hypothesis.leftover.location
+
+
+def _is_specific(location: str) -> bool:
+    """Whether a leftover there says what it is, not only where."""
+    return is_sensor(location) or is_over_temperature(location)
+
+
+def _course(refinery: Refinery, hypothesis: Hypothesis) -> Array:
+    """The most probable course (M,) of the leftover of a hypothesis that has one."""
+    assert hypothesis.leftover is not None
+    pulled = refinery.solved(hypothesis.fit, hypothesis.leftover)
+    return refinery.geometry.leftovers.of(hypothesis.leftover, pulled)
 
 
 def _place(location: str, watts: Array) -> str:

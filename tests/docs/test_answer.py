@@ -94,7 +94,7 @@ def full() -> Diagnosis:
     rows = np.arange(2)
     leftover = Unexplained(
         location="input", rms_W=1.0, formula="1 W", explained=1.0, rows=rows, readings=rows,
-        watts=np.ones(2), size=9.0, probability=1.0,
+        watts=np.ones(2), size=9.0, probability=1.0, at_place=1.0,
         sensor=SensorError(column="D0", kind="offset", value=0.1, unit="Th"),
     )  # fmt: skip
     step = NextMeasurement(

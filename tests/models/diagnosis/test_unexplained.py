@@ -61,3 +61,26 @@ def test_what_stands_still_is_not_over_time(drift: float, place: str) -> None:
     found = unexplained([nothing], there)
     assert found is not None
     assert found.location == place
+
+
+@pytest.mark.parametrize(
+    ("share", "told", "at_place"),
+    [(0.97, "leakage_inductance over T_inductor_C", 0.97), (0.8, "input", 0.2), (0.97, "gain of D0", 0.97)],
+)
+def test_what_a_leftover_is_called_is_sure_of_all_leftovers(share: float, told: str, at_place: float) -> None:
+    there = refinery(10.0 * np.ones(READINGS), [LINK], SIGMA)
+    there = replace(there, observations=replace(loads(POWER_W), value=there.observations.value))
+    plain = there.geometry.leftovers.configurations[1]
+    specific = replace(plain, location=told if share > 0.95 else "leakage_inductance over T_inductor_C")
+    admitted = there.geometry.admitted | {specific.key: there.geometry.admitted[plain.key]}
+    there = replace(there, geometry=replace(there.geometry, admitted=admitted))
+    nothing = fit_of(None, np.zeros(READINGS))
+    hypotheses = [
+        Hypothesis(fit=nothing, leftover=specific, probability=share),
+        Hypothesis(fit=nothing, leftover=plain, probability=1.0 - share),
+    ]
+    found = unexplained(hypotheses, there)
+    assert found is not None
+    assert found.location == (told if share > 0.95 else plain.location)
+    assert found.at_place == pytest.approx(at_place)
+    assert found.probability == pytest.approx(1.0)

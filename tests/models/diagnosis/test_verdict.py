@@ -284,7 +284,7 @@ def test_what_is_left_is_said_where_it_carries_more_watts_than_the_name(
     named = judged(("leakage_inductance", ALONG, 0.0, 1.0))  # 30 W in the first reading
     first = np.array([0])
     left = Unexplained(location="input", rms_W=watts, formula="", explained=1.0, rows=first, readings=first,
-                       watts=np.array([watts]), size=size, probability=0.9)  # fmt: skip
+                       watts=np.array([watts]), size=size, probability=0.9, at_place=0.9)  # fmt: skip
     assert telling_of(named, left).unknown_probability == said
 
 
