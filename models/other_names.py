@@ -70,10 +70,11 @@ _ALSO_CALLED = {
     ),
     "I1_A": ("iin", "i_in", "input_current", "eingangsstrom", "i_ein", "iein", "courant_d'entrée"),
     "I2_A": ("iout", "i_out", "output_current", "ausgangsstrom", "i_aus", "iaus", "courant_de_sortie"),
-    "I_L_rms_A": ("irms", "i_rms", "irms_l", "rms_current", "irms_drossel", "drosselstrom"),
+    "I_L_rms_A": ("irms", "i_rms", "il_rms", "ilrms", "irms_l", "rms_current", "irms_drossel", "drosselstrom"),
     "T_heatsink_C": (
-        "heatsink", "heatsink_temperature", "t_hs", "temp_hs", "temphs", "theat", "t_heat", "heat_sink", "kühlkörper",
-        "kühlkörpertemperatur", "t_kühlkörper", "température_radiateur", "température_du_radiateur", "radiateur",
+        "heatsink", "heatsink_temperature", "theatsink", "t_hs", "temp_hs", "temphs", "theat", "t_heat", "heat_sink",
+        "kühlkörper", "kühlkörpertemperatur", "t_kühlkörper", "température_radiateur", "température_du_radiateur",
+        "radiateur",
     ),
     "kind": ("row_kind", "art", "zeilenart"),
     "T_ambient_C": (
