@@ -91,13 +91,13 @@ def test_a_campaign_begins_far_apart_and_goes_on_where_the_optimum_is_decided(
 
     monkeypatch.setattr(chosen_points, "RivalHills", Decided)
     monkeypatch.setattr(chosen_points, "diagnose", noted)
-    chosen_points.measured(Laboratory.draw(seed=5), 12, LOADS_W, seed=5)
+    chosen_points.measured(Laboratory.draw(seed=5), 14, LOADS_W, seed=5)
     tables = [m.loaded() for m in asked]
     # a reference with the first and with the ninth
-    assert [len(table) for table in tables] == [4, 5, 6, 7, 8, 9, 11, 12]
+    assert [len(table) for table in tables] == [4, 5, 6, 7, 8, 9, 11, 12, 13, 14]
     place = tables[-1].loc[tables[-1]["kind"] == "load", ["D1", "D2", "P_set_W"]].to_numpy()
     np.testing.assert_allclose(
-        place[3:], np.tile(Decided.place, (7, 1)), atol=5e-4
+        place[3:], np.tile(Decided.place, (9, 1)), atol=5e-4
     )  # counts of the modulator
     first, random = place[:3], random_set_points(3, np.random.default_rng(6))
     span = (0.7, 0.6, 1800.0)
