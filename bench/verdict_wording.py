@@ -263,6 +263,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     >>> place = {"probability": 0.8, "rms_W": 1.2, "location": "input, straight"}
     >>> print(unexplained_text({"unknown": law | place}))
     80.0 % probable that something outside the catalogue shows: 1.20 W rms at the input, in straight lines
+    >>> unexplained_text({"unknown": law | place | {"at_place": 0.5}}).partition(": ")[2]
+    '1.20 W rms at the input, in straight lines (there: 50.0 %)'
     """
     unknown = diagnosis.get("unknown") or {}
     if unknown.get("strained"):
@@ -282,6 +284,8 @@ def unexplained_text(diagnosis: Mapping[str, Any]) -> str:
     if "location" not in unknown:
         return said
     where = ", ".join(_PLACES.get(part, part) for part in unknown["location"].split(", "))
+    if unknown.get("at_place", unknown["probability"]) < _SURE * unknown["probability"]:
+        where = f"{where} (there: {probability_text(unknown['at_place'])})"
     if not unknown.get("formula") or fixed(unknown["rms_W"], 2) == "0.00":
         return f"{said}, {where}"
     said = f"{said}: {fixed(unknown['rms_W'], 2)} W rms {where}"

@@ -246,11 +246,15 @@ class _Reader:
             elif ".".join(path) in TOLERANCED and isinstance(entry, Mapping):
                 own: dict[str, float] = {}
                 found[name] = self._value(entry, path, own)
-                for tolerance in own.values():
-                    if tolerance > 0.0 and found[name] == 0.0:
-                        self._add((*path, "tolerance"), tolerance, "a share of the value, which is 0")
-                    elif tolerance > 0.0:
-                        tolerances[".".join(path)] = tolerance
+                stated = own.get(".".join(path[-2:]))
+                if stated == 0.0 and "tolerance" in entry:
+                    self._add(
+                        (*path, "tolerance"), stated, "above 0; what is left out has its usual tolerance"
+                    )
+                elif stated and found[name] == 0.0:
+                    self._add((*path, "tolerance"), stated, "a share of the value, which is 0")
+                elif stated:
+                    tolerances[".".join(path)] = stated
         return found
 
     def _value(self, entry: Any, keys: tuple[str, ...], tolerances: dict[str, float]) -> Any:

@@ -138,6 +138,7 @@ def test_a_value_of_the_link_may_state_its_own_tolerance() -> None:
     [
         ("link_resistance_Ohm", {"value": 0.0, "tolerance": 0.1}, "a share of the value, which is 0"),
         ("dead_time_s", {"value": 150e-9, "tolerance": -1.0}, "a share of the value: 0 or more"),
+        ("dead_time_s", {"value": 150e-9, "tolerance": 0.0}, "above 0; what is left out has its usual"),
         ("V1_V", {"value": 400.0, "tolerance": 0.1}, "a number, and states no tolerance"),
         ("tolerances", {"dead_time_s": 0.1}, "belongs to each value"),
     ],

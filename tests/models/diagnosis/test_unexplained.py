@@ -64,14 +64,19 @@ def test_what_stands_still_is_not_over_time(drift: float, place: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "told", "at_place"),
-    [(0.97, "leakage_inductance over T_inductor_C", 0.97), (0.8, "input", 0.2), (0.97, "gain of D0", 0.97)],
+    ("place", "share", "called"),
+    [
+        ("leakage_inductance over T_inductor_C", 0.97, True),
+        ("leakage_inductance over T_inductor_C", 0.8, False),
+        ("gain of D0", 0.97, True),
+        ("gain of D0", 0.8, False),
+    ],
 )
-def test_what_a_leftover_is_called_is_sure_of_all_leftovers(share: float, told: str, at_place: float) -> None:
+def test_what_a_leftover_is_called_is_sure_of_all_leftovers(place: str, share: float, called: bool) -> None:
     there = refinery(10.0 * np.ones(READINGS), [LINK], SIGMA)
     there = replace(there, observations=replace(loads(POWER_W), value=there.observations.value))
     plain = there.geometry.leftovers.configurations[1]
-    specific = replace(plain, location=told if share > 0.95 else "leakage_inductance over T_inductor_C")
+    specific = replace(plain, location=place)
     admitted = there.geometry.admitted | {specific.key: there.geometry.admitted[plain.key]}
     there = replace(there, geometry=replace(there.geometry, admitted=admitted))
     nothing = fit_of(None, np.zeros(READINGS))
@@ -81,6 +86,7 @@ def test_what_a_leftover_is_called_is_sure_of_all_leftovers(share: float, told: 
     ]
     found = unexplained(hypotheses, there)
     assert found is not None
-    assert found.location == (told if share > 0.95 else plain.location)
-    assert found.at_place == pytest.approx(at_place)
-    assert found.probability == pytest.approx(1.0)
+    assert found.location == (place if called else plain.location)
+    # rounding
+    assert found.at_place == pytest.approx(share if called else 1.0 - share, rel=1e-12)
+    assert found.probability == pytest.approx(1.0, rel=1e-12)
