@@ -29,16 +29,17 @@ _LEAST_LIMIT = 1e-3  # of the normal part: below it rounding would be all there 
 def interval(refinery: Refinery, fit: Fit, effect: str) -> tuple[float, float]:
     """The 95 % interval of an effect's value in a fit, inside its bounds."""
     term = fit.term(effect)
-    half = _half(term, _of_shapes(refinery, fit)[fit.effects.index(effect)])
-    return max(term.value - half, term.head.lower), min(term.value + half, term.head.upper)
+    of_shapes = _of_shapes(refinery, fit)[fit.effects.index(effect)]
+    below, above = (_half(term, of_shapes, side) for side in (-Z95, Z95))
+    return max(term.value - below, term.head.lower), min(term.value + above, term.head.upper)
 
 
-def _half(term: Term, of_shapes: float) -> float:
-    """Half of the 95 % interval of a value; a spread inside limits never reaches 1.96 of its sigmas."""
-    total = term.uncertainty(of_shapes)
+def _half(term: Term, of_shapes: float, side: float) -> float:
+    """The 95 % interval of a value to one side; a spread inside limits never reaches 1.96 of its sigmas."""
+    total = term.uncertainty(of_shapes, side)
     if not term.signature.entry.inside_limits:
         return Z95 * total
-    spread = term.spread
+    spread = term.spread(side)
     return half_with_limit(math.sqrt(3.0) * spread, math.sqrt(total**2 - spread**2))
 
 

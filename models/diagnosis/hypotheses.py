@@ -90,19 +90,19 @@ class Term:
         *_, usual = self.acting
         return abs(self.head.acting(nearer)[0]) > EVERYDAY * usual
 
-    @property
-    def spread(self) -> float:
-        """How far the effect's own parts may be off at this value, one sigma, in the value's unit."""
-        return self.signature.entry.spread_at(self.value, self.signature.everyday)
+    def spread(self, sigmas: float = 0.0) -> float:
+        """How far the effect's own parts may be off, one sigma, in the value's unit; as it is so many sigmas away."""
+        return self.signature.entry.spread_at(self.value, self.signature.everyday, sigmas)
 
-    def uncertainty(self, of_shapes: float) -> float:
+    def uncertainty(self, of_shapes: float, sigmas: float = 0.0) -> float:
         """Standard deviation of the value: of the fit, of the parts' own spreads, and of the effect's law.
 
         ``of_shapes`` is how far the law's shapes already let the fit be off, part of ``sigma``: its level is the rest.
+        The parts' spreads are as they are ``sigmas`` away from the value.
         """
         entry = self.signature.entry
         level = math.sqrt(max((entry.law_at(self.value) * self.distance) ** 2 - of_shapes**2, 0.0))
-        return math.hypot(self.sigma, self.spread, level)
+        return math.hypot(self.sigma, self.spread(sigmas), level)
 
     def aside(self, share: float) -> Self:
         """The value moved by a share of the prior scale, inside its bounds."""

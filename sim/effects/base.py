@@ -189,8 +189,11 @@ class Effect:
         p = self.headline if name is None else next(p for p in self.parameters if p.name == name)
         return values.get(p.name, p.off)
 
-    def spread_at(self, value: float, everyday: float) -> float:
-        """How far the parts' spread, that moves the headline by ``everyday`` at off, moves it at a value, one sigma."""
+    def spread_at(self, value: float, everyday: float, sigmas: float = 0.0) -> float:
+        """How far the parts' spread, that moves the headline by ``everyday`` at off, moves it at a value, one sigma.
+
+        As it is ``sigmas`` away from the value, below it where negative, by their number: a ratio is longer above.
+        """
         return everyday
 
     def law_at(self, value: float) -> float:

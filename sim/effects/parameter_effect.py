@@ -1,5 +1,6 @@
 """An effect that scales, adds to or replaces named parameters of the converter, as far as it has room for."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -88,11 +89,15 @@ class ParameterEffect(Effect):
         """The paths of which nothing is left where the effect is there."""
         return self.paths if self.change is replaced else ()
 
-    def spread_at(self, value: float, everyday: float) -> float:
-        """A scaled part's spread is scaled too; a part that was replaced has its value and no spread."""
+    def spread_at(self, value: float, everyday: float, sigmas: float = 0.0) -> float:
+        """A scaled part's spread is a ratio to all there is; a part that was replaced has its value and no spread."""
         if self.replaces:
             return 0.0
-        return everyday * ((1.0 + value) / (1.0 + self.headline.off) if self.change is scaled else 1.0)
+        if self.change is not scaled:
+            return everyday
+        ratio = everyday / (1.0 + self.headline.off)
+        away = sigmas * ratio
+        return (1.0 + value) * ratio * (math.expm1(away) / away if away else 1.0)
 
     def converter(self, converter: Converter, values: Values) -> Converter:
         """The converter with the named parameters changed; the very same object at the OFF value."""

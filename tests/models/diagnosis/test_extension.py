@@ -79,3 +79,15 @@ def test_a_spread_inside_limits_counts_no_further_than_they_go(name: str, sigmas
     _, high = interval(bench, replace(fit, terms=(wide,)), name)
     # the fit and a law of a hundredth of half a spread count by their squares
     assert high - wide.value == pytest.approx(sigmas * spread, rel=1e-4)
+
+
+def test_a_sure_cause_whose_part_is_known_to_a_ratio_has_an_interval_above_off() -> None:
+    name = "reverse_recovery"
+    bench, fit = that_leaves(0.0, name)
+    (term,) = fit.terms
+    sure = replace(term, signature=replace(term.signature, everyday=0.4), value=2.1, sigma=1e-3)
+    low, high = interval(bench, replace(fit, terms=(sure,)), name)
+    # its law is good to 15 % of the value, which counts by its square beside the ratio
+    assert 0.0 < low < 2.1 < high
+    assert (1.0 + low) * (1.0 + high) == pytest.approx(3.1**2, rel=0.1)
+    assert 1.0 + low == pytest.approx(3.1 * np.exp(-1.96 * 0.4), rel=0.1)

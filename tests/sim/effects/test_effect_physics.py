@@ -163,6 +163,15 @@ def test_a_scaled_parts_spread_is_scaled_and_a_replaced_one_has_none() -> None:
         assert entry.spread_at(value, everyday=0.06) == pytest.approx(times * 0.06)
 
 
+@pytest.mark.parametrize("sigmas", [-3.0, -1.96, 1.96])
+def test_a_scaled_parts_spread_is_a_ratio_and_leaves_something_of_it(sigmas: float) -> None:
+    value, everyday = 2.1, 0.4
+    moved = sigmas * CATALOGUE["reverse_recovery"].spread_at(value, everyday, sigmas)
+    assert 1.0 + value + moved == pytest.approx((1.0 + value) * np.exp(sigmas * everyday), rel=1e-12)
+    watts = CATALOGUE["auxiliary_power"]
+    assert watts.spread_at(2.1, 0.4, sigmas) == 0.4
+
+
 def test_losses_that_fall_while_warming_up_ask_for_the_instrument_first() -> None:
     warm_up = effect("warm_up_drift")
     assert warm_up.check_at(-0.04).startswith(
