@@ -152,13 +152,18 @@ def _caught(hypotheses: Sequence[Hypothesis]) -> float:
     return max(caught, key=lambda entry: entry[0])[1].significance
 
 
+def _is_cause(term: Term, fit: Fit) -> bool:
+    """Whether it is further off in a fit than on any ordinary bench, and no threshold that catches another's error."""
+    return fit.has_beyond_everyday(term) and not _catches(term, fit)
+
+
 def marginal(hypotheses: Sequence[Hypothesis]) -> list[Cause]:
     """Every cause with the probability that it is further off than on any ordinary bench, most probable first."""
     best: dict[str, Fit] = {}
     total: dict[str, float] = {}
     for h in hypotheses:
         for term in h.fit.terms:
-            if h.fit.has_beyond_everyday(term) and not _catches(term, h.fit):
+            if _is_cause(term, h.fit):
                 best.setdefault(term.effect, h.fit)
                 total[term.effect] = total.get(term.effect, 0.0) + h.probability
     order = sorted(total, key=lambda name: -total[name])
@@ -181,6 +186,13 @@ def _standing(cause: Cause, hypotheses: Sequence[Hypothesis], leftover: float, f
 def _any_of(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float:
     """Probability that at least one of the effects is there."""
     return probability_of(h for h in hypotheses if not set(effects).isdisjoint(h.fit.effects))
+
+
+def _any_is_cause(hypotheses: Sequence[Hypothesis], effects: Collection[str]) -> float:
+    """Probability that at least one of the effects is further off than on any ordinary bench."""
+    return probability_of(
+        h for h in hypotheses if any(t.effect in effects and _is_cause(t, h.fit) for t in h.fit.terms)
+    )
 
 
 def _without(hypotheses: Sequence[Hypothesis], other: Cause, group: Collection[str]) -> list[Hypothesis]:
@@ -329,7 +341,7 @@ def _groups(
     """What is stated: each sure cause with all that could be there instead, and what has 95 % only together.
 
     While it is not ``excluded`` that nothing is wrong, everything would be in a group. What is there in any case, but
-    not surely further off than parts are, is in none.
+    not surely further off than parts are, is in none; nor, beside a sure cause, are several of which that holds.
     """
     sure = [c for c in large if c.probability >= SURE]
     rest = [c for c in large if c.probability < SURE]
@@ -337,7 +349,8 @@ def _groups(
     taken = {name for group in groups for name in group}
     rest = [c for c in rest if c.effect not in taken and not _is_there(c, hypotheses)]
     together = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and excluded else ()
-    return [*groups, together] if together else groups
+    beside = together and (not groups or _any_is_cause(hypotheses, together) >= SURE)
+    return [*groups, together] if beside else groups
 
 
 def _rather_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:

@@ -362,3 +362,24 @@ def test_what_is_tied_is_listed_though_most_of_it_is_ordinary() -> None:
     verdict = judge([Hypothesis(fit=fit, leftover=None, probability=p) for fit, p in cases], WHITENER)
     assert verdict.groups == (("cable_resistance_input", "cable_resistance_output"),)
     assert [round(cause.probability, 9) for cause in verdict.causes] == [0.9, 0.1]
+
+
+@pytest.mark.parametrize(("beyond", "groups"), [(0.02, 0), (0.96, 1)])
+def test_beside_a_sure_cause_two_that_are_ordinary_are_no_group(beyond: float, groups: int) -> None:
+    """Surely one of two is there, as large as on any bench: only what is surely beyond that is said beside a name."""
+    sure = joint_fit({"link_resistance": ALONG}, ALONG).terms[0]
+    either = [
+        joint_fit({name: ACROSS}, ACROSS).terms[0] for name in ("thermal_resistance", "sic_on_resistance")
+    ]
+    hypotheses = [
+        Hypothesis(
+            fit=replace(_fit(None, ALONG + ACROSS), terms=(sure, other)),
+            leftover=None,
+            probability=0.5 * probability,
+        )
+        for far in either
+        for other, probability in ((far, beyond), (replace(far, value=0.01), 1.0 - beyond))
+    ]
+    verdict = judge(sorted(hypotheses, key=lambda h: -h.probability), WHITENER)
+    assert (verdict.kind, verdict.stated) == ("named", ("link_resistance",))
+    assert len(verdict.groups) == groups
