@@ -4,10 +4,10 @@ A cause's value is estimated with every part inside its everyday spread; the ext
 what they do to efficiency would be missing. Inside the interval that the readings leave a value, the extension takes
 the one at which it says best what was measured of efficiency,
 
-.. math:: \min_\delta \sum (r - S \delta)^2 / \sigma^2, \qquad |\delta_k| \le 1.96\, u_k,
+.. math:: \min_\delta \sum (r - S \delta)^2 / \sigma^2, \qquad -1.96\, u_k^- \le \delta_k \le 1.96\, u_k^+,
 
 with r what is left of the input power under load without the spreads, S the effects' slopes there, u how uncertain each
-value is.
+value is, below it and above.
 """
 
 import math
@@ -35,7 +35,7 @@ def interval(refinery: Refinery, fit: Fit, effect: str) -> tuple[float, float]:
 
 
 def _half(term: Term, of_shapes: float, side: float) -> float:
-    """The 95 % interval of a value to one side; a spread inside limits never reaches 1.96 of its sigmas."""
+    """How far the 95 % interval reaches to a ``side``, ±1.96; a spread inside limits never has 1.96 of its sigmas."""
     total = term.uncertainty(of_shapes, side)
     if not term.signature.entry.inside_limits:
         return Z95 * total

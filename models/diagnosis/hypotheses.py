@@ -90,7 +90,7 @@ class Term:
         *_, usual = self.acting
         return abs(self.head.acting(nearer)[0]) > EVERYDAY * usual
 
-    def spread(self, sigmas: float = 0.0) -> float:
+    def spread(self, sigmas: float) -> float:
         """How far the effect's own parts may be off, one sigma, in the value's unit; as it is so many sigmas away."""
         return self.signature.entry.spread_at(self.value, self.signature.everyday, sigmas)
 

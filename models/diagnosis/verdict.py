@@ -349,8 +349,9 @@ def _groups(
     taken = {name for group in groups for name in group}
     rest = [c for c in rest if c.effect not in taken and not _is_there(c, hypotheses)]
     together = _tie_group(rest[0], rest[1:], hypotheses, whitener) if rest and excluded else ()
-    beside = together and (not groups or _any_is_cause(hypotheses, together) >= SURE)
-    return [*groups, together] if beside else groups
+    if not together or (groups and _any_is_cause(hypotheses, together) < SURE):
+        return groups
+    return [*groups, together]
 
 
 def _rather_ordinary(cause: Cause, hypotheses: Sequence[Hypothesis]) -> bool:

@@ -167,6 +167,7 @@ def test_a_scaled_parts_spread_is_scaled_and_a_replaced_one_has_none() -> None:
 def test_a_scaled_parts_spread_is_a_ratio_and_leaves_something_of_it(sigmas: float) -> None:
     value, everyday = 2.1, 0.4
     moved = sigmas * CATALOGUE["reverse_recovery"].spread_at(value, everyday, sigmas)
+    # rounding
     assert 1.0 + value + moved == pytest.approx((1.0 + value) * np.exp(sigmas * everyday), rel=1e-12)
     watts = CATALOGUE["auxiliary_power"]
     assert watts.spread_at(2.1, 0.4, sigmas) == 0.4
