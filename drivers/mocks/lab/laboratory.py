@@ -5,7 +5,7 @@ time along the clock, trial generators run a whole campaign at once.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
@@ -16,6 +16,7 @@ from drivers.mocks.lab.foreign.base import AcReading, Added, ForeignEffect, Mome
 from drivers.mocks.lab.foreign.families import FOREIGN
 from drivers.mocks.lab.hidden import Quirks, drawn_values, everyday_quirks, hide
 from drivers.mocks.lab.instruments import InstrumentErrors, draw_instruments, perfect_instruments
+from drivers.mocks.lab.laws import Laws
 from drivers.mocks.lab.legs import KINDS, primary_legs
 from drivers.mocks.lab.losses import LabLosses, lab_losses
 from drivers.mocks.lab.parts import draw_converter
@@ -73,6 +74,7 @@ class Laboratory:
     hidden: dict[str, float]
     foreign: tuple[ForeignEffect, ...] = ()
     inertia: Inertia = Inertia()
+    laws: Laws = field(default_factory=Laws)
 
     @classmethod
     def draw(
@@ -87,7 +89,7 @@ class Laboratory:
         ``converter`` is what its parts scatter around, the prototype by default. Some effects are of three-level
         primaries and cannot be hidden in another one.
         """
-        parts, instruments, values, everyday = (np.random.default_rng([seed, k]) for k in range(4))
+        parts, instruments, values, everyday, laws = (np.random.default_rng([seed, k]) for k in range(5))
         chosen = drawn_values(hidden or {}, values)
         known = {name: value for name, value in chosen.items() if name not in FOREIGN}
         converter, quirks = hide(draw_converter(parts, converter), known, everyday_quirks(everyday))
@@ -97,6 +99,7 @@ class Laboratory:
             errors=draw_instruments(instruments),
             hidden=chosen,
             foreign=tuple(FOREIGN[name](size=size) for name, size in chosen.items() if name in FOREIGN),
+            laws=Laws.draw(laws),
         )
 
     def driven_by(self, modulation: str) -> Self:
@@ -165,11 +168,11 @@ class Laboratory:
         dead = np.full(demand.D1.shape, self.converter.dead_share)
         runs = infeasible_pulse(demand.D1, demand.D2, dead) == ""
         expected = demand.power_W * 1e-3 if warm is None else warm.losses.secondary_switching
-        choke = Choke(drop=max(self.quirks.choke_drop, 0.0))
-        link = Link(converter=self.converter, choke=choke, adapt=self._adapted)
+        laws = replace(self.laws, choke=Choke(drop=max(self.quirks.choke_drop, 0.0)))
+        link = Link(converter=self.converter, choke=laws.choke, adapt=self._adapted)
         circuit, regulated = link.solved(heat, demand, expected, None if warm is None else warm.regulated)
         own = lab_circuit(self.converter, heat, demand)  # the drops of the converter's own parts
-        losses = lab_losses(self.converter, heat, own, regulated.orbit, choke)
+        losses = lab_losses(self.converter, heat, own, regulated.orbit, laws)
         moment = Moment(
             converter=self.converter, heat=heat, demand=demand, circuit=circuit, orbit=regulated.orbit
         )

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.mocks.lab.laws import Laws
 from sim.modulation import CLAMPED
 from sim.parameters import (
     Capacitance,
@@ -24,7 +25,6 @@ from sim.parameters import (
     FullBridge,
     NpcBridge,
     Switch,
-    SwitchingEnergy,
 )
 from sim.soft_switching import leg_curve
 
@@ -77,7 +77,7 @@ class PrimaryLegs(Protocol):
         """Voltage over charge of the swing at both edges, (2, 65)."""
         ...
 
-    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges) -> dict[str, Array]:
+    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges, laws: Laws) -> dict[str, Array]:
         """Energy lost at the edges of a half period by kind, all legs."""
         ...
 
@@ -102,14 +102,6 @@ def bipolar_drop(conduction: Conduction, junction_C: Array) -> Drop:
     return np.asarray(knee), np.asarray(
         conduction.resistance_Ohm * absolute ** (298.15 * conduction.resistance_per_K)
     )
-
-
-def switching_J(law: SwitchingEnergy, current_A: Array, voltage_V: Array, junction_C: Array) -> Array:
-    """Switching energy as a quadratic through the datasheet point: 30 % linear, 70 % to the law's power."""
-    share = np.maximum(current_A, 0.0) / law.reference_A
-    shape = 0.3 * share + 0.7 * share**law.current_exponent
-    scaled = shape * (voltage_V / law.reference_V) ** law.voltage_exponent
-    return np.asarray(law.energy_J * scaled * np.exp(law.energy_per_K * (junction_C - 25.0)))
 
 
 def _charge(junctions: Sequence[Capacitance], voltage_V: Array) -> Array:
@@ -176,26 +168,27 @@ class ClampedLegs(_ThreeLevel):
         steps = ((self._slow, self._fast), (self._fast, self._slow))
         return np.stack([leg_curve([step], 0.5 * V1_V) for step in steps])
 
-    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges) -> dict[str, Array]:
+    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges, laws: Laws) -> dict[str, Array]:
         """The first edge opens inner switches and closes outer ones, the second the other way round."""
         half, off, on = 0.5 * V1_V, edges.off_A, edges.on_A
         hard_J = 0.5 * self._half_charge(V1_V) * half * edges.missing**2
         recovered = np.asarray(self.clamp.recovery.at(current_A=on[0], junction_C=at.clamp))
         outer_J = (
-            switching_J(self.outer.turn_on, on[0], half, at.outer)
-            + switching_J(self.outer.turn_off, off[1], half, at.outer)
+            laws.switching_J(self.outer.turn_on, on[0], half, at.outer)
+            + laws.switching_J(self.outer.turn_off, off[1], half, at.outer)
             + hard_J[0]
-            + 0.6 * recovered * half
+            + (1 - laws.diode_share) * recovered * half
             + (edges.opposite_C[0] + edges.same_C[1]) * self.outer.reverse.threshold_V
         )
         inner_J = (
-            switching_J(self.inner.turn_off, off[0], half, at.inner)
-            + switching_J(self.inner.turn_on, on[1], half, at.inner)
+            laws.switching_J(self.inner.turn_off, off[0], half, at.inner)
+            + laws.switching_J(self.inner.turn_on, on[1], half, at.inner)
             + hard_J[1]
             + np.asarray(self.outer.recovery.at(current_A=on[1], junction_C=at.outer)) * half
         )
         legs = 2.0
-        return {"outer": legs * outer_J, "inner": legs * inner_J, "clamp": legs * 0.4 * recovered * half}
+        clamp_J = laws.diode_share * recovered * half
+        return {"outer": legs * outer_J, "inner": legs * inner_J, "clamp": legs * clamp_J}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,22 +210,22 @@ class ShiftedLegs(_ThreeLevel):
         curve = leg_curve([(self._fast, self._slow), (self._slow, self._fast)], 0.5 * V1_V)
         return np.stack([curve, curve])
 
-    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges) -> dict[str, Array]:
+    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges, laws: Laws) -> dict[str, Array]:
         """Both switches of a rail open at each edge, both of the other one close."""
         half, off, on = 0.5 * V1_V, edges.off_A, edges.on_A
         first, second = np.clip(2 * edges.missing - 1, 0.0, 1.0), np.clip(2 * edges.missing, 0.0, 1.0)
         hard_J = 0.5 * self._half_charge(V1_V) * half
         diodes_C = edges.opposite_C + edges.same_C
         outer_J = (
-            switching_J(self.outer.turn_off, off, half, at.outer)
-            + switching_J(self.outer.turn_on, on * second, half, at.outer)
+            laws.switching_J(self.outer.turn_off, off, half, at.outer)
+            + laws.switching_J(self.outer.turn_on, on * second, half, at.outer)
             + hard_J * second**2
             + np.asarray(self.inner.recovery.at(current_A=on * second, junction_C=at.inner)) * half
             + diodes_C * self.outer.reverse.threshold_V
         )
         inner_J = (
-            switching_J(self.inner.turn_off, off, half, at.inner)
-            + switching_J(self.inner.turn_on, on * first, half, at.inner)
+            laws.switching_J(self.inner.turn_off, off, half, at.inner)
+            + laws.switching_J(self.inner.turn_on, on * first, half, at.inner)
             + hard_J * first**2
             + np.asarray(self.outer.recovery.at(current_A=on * first, junction_C=at.outer)) * half
         )
@@ -264,9 +257,9 @@ class TwoLevelLegs:
         curve = leg_curve([([self.switch.capacitance], [self.switch.capacitance])], V1_V)
         return np.stack([curve, curve])
 
-    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges) -> dict[str, Array]:
+    def energies_J(self, at: Junctions, V1_V: Array, edges: Edges, laws: Laws) -> dict[str, Array]:
         """As the lab's secondary loses it."""
-        return {"outer": two_level_J(self.switch, at.outer, V1_V, edges), "inner": np.zeros_like(V1_V),
+        return {"outer": two_level_J(self.switch, at.outer, V1_V, edges, laws), "inner": np.zeros_like(V1_V),
                 "clamp": np.zeros_like(V1_V)}  # fmt: skip
 
     def thermal_K_per_W(self) -> dict[str, float]:
@@ -274,11 +267,11 @@ class TwoLevelLegs:
         return {"outer": float(self.switch.thermal_K_per_W)}
 
 
-def two_level_J(switch: Switch, junction_C: Array, link_V: Array, edges: Edges) -> Array:
+def two_level_J(switch: Switch, junction_C: Array, link_V: Array, edges: Edges, laws: Laws) -> Array:
     """Energy of a two-level bridge's edges in a half period, (N,)."""
     lost = (
-        switching_J(switch.turn_off, edges.off_A, link_V, junction_C)
-        + switching_J(switch.turn_on, edges.on_A, link_V, junction_C)
+        laws.switching_J(switch.turn_off, edges.off_A, link_V, junction_C)
+        + laws.switching_J(switch.turn_on, edges.on_A, link_V, junction_C)
         + _charge([switch.capacitance], link_V) * link_V * edges.missing**2
         + np.asarray(switch.recovery.at(current_A=edges.on_A, junction_C=junction_C)) * link_V
         + (edges.opposite_C + edges.same_C) * switch.reverse.threshold_V
