@@ -14,7 +14,7 @@ from models.screening import KNOWN_COLUMNS, NUMERIC_COLUMNS
 from models.temperature_units import PREFIX, in_degC, unit_of_temperature, without_unit
 
 _IN_OURS = {"kW": 1e3, "mW": 1e-3, "kV": 1e3, "mV": 1e-3, "mA": 1e-3, "%": 1e-2, "percent": 1e-2, "‰": 1e-3,
-            "permille": 1e-3, "ms": 1e-3, "min": 60.0, "h": 3600.0}  # fmt: skip
+            "permille": 1e-3, "ms": 1e-3, "min": 60.0, "minutes": 60.0, "h": 3600.0, "hours": 3600.0}  # fmt: skip
 _IN_HALF_PERIODS = {"deg": 1 / 180, "°": 1 / 180, "degrees": 1 / 180, "Grad": 1 / 180, "rad": 1 / math.pi}
 _DUTIES = ("D0", "D1", "D2")
 _UNITS = {
@@ -38,7 +38,9 @@ _UNITS = {
 _OUR_UNITS = ("_W", "_V", "_A", "_C", "_s")
 _UNIT = re.compile(  # at the end of a header: in brackets, or after a space, a stroke or an underscore
     r"\s*[\[(]\s*(?P<bracketed>[^\])]*?)\s*[\])]\s*$|"
-    r"[ _/:]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°[CF]|deg[CF]|K|F)\s*$"
+    r"[ _/:]+(?:in )?(?P<bare>[km]?[WV]|m?A|ms|[kM]?Hz|s|%|percent|°[CF]|deg[CF]|K|F)\s*$|"
+    # behind a word for time only: P_min is a least power
+    r"(?:(?<=[Tt]ime)|(?<=[Ee]lapsed)|(?<=[Zz]eit)|(?<=[Tt]emps))[ _/:]+(?:in )?(?P<of_time>min|minutes|h|hours)\s*$"
 )
 _EXCHANGED = re.compile(r"\b(?P<ours>[PVI][12]_[WVA])=(?P<other>(?!(?P=ours))[PVI][12]_[WVA])(?!\*)")
 # what other people's tables call it, without the unit and in lower case
@@ -301,11 +303,11 @@ def _quantity(ours: str) -> str:
 def unit_in(header: str) -> str | None:
     """The unit at the end of a header, if there is one.
 
-    >>> unit_in("fs [kHz]"), unit_in("P_in/W"), unit_in("D1")
-    ('kHz', 'W', None)
+    >>> unit_in("fs [kHz]"), unit_in("P_in/W"), unit_in("time min"), unit_in("P1_min")
+    ('kHz', 'W', 'min', None)
     """
     unit = _UNIT.search(header)
-    return (unit["bracketed"] or unit["bare"]) if unit else None
+    return (unit["bracketed"] or unit["bare"] or unit["of_time"]) if unit else None
 
 
 def bare(column: str) -> str:

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from models.dataset import load_measurements
-from models.other_names import meant
+from models.other_names import factor_of, meant
 
 REQUIRED = ("D1", "D2", "P2_W", "P1_W", "efficiency")
 OPTIONAL = ("time_s", "V1_V", "V2_V", "I1_A", "I2_A", "T_heatsink_C", "T_ambient_C")
@@ -21,6 +21,8 @@ OPTIONAL = ("time_s", "V1_V", "V2_V", "I1_A", "I2_A", "T_heatsink_C", "T_ambient
         ("efficiency", "Wirkungsgrad [%]"),
         ("efficiency", "η1"),
         ("time_s", "Zeitstempel"),
+        ("time_s", "time min"),
+        ("time_s", "Zeit_h"),
         ("V1_V", "Uin/V"),
         ("V2_V", "output voltage"),
         ("I1_A", "I_in (mA)"),
@@ -33,6 +35,18 @@ OPTIONAL = ("time_s", "V1_V", "V2_V", "I1_A", "I2_A", "T_heatsink_C", "T_ambient
 )
 def test_what_a_laboratory_calls_a_column_is_understood(ours: str, theirs: str) -> None:
     assert meant(REQUIRED, OPTIONAL, ["No.", theirs, "remark"])[ours] == theirs
+
+
+@pytest.mark.parametrize(
+    ("theirs", "factor"), [("time min", 60.0), ("Elapsed time (hours)", 3600.0), ("time", 1.0)]
+)
+def test_minutes_and_hours_become_seconds(theirs: str, factor: float) -> None:
+    assert meant(REQUIRED, OPTIONAL, [theirs])["time_s"] == theirs
+    assert factor_of("time_s", theirs) == factor
+
+
+def test_a_least_power_is_no_power_in_minutes() -> None:
+    assert factor_of("P1_W", "P1_min") == 1.0
 
 
 def test_no_column_is_meant_twice() -> None:
