@@ -3,12 +3,11 @@ r"""How the loss laws of a lab's own parts run where no datasheet says: shapes, 
 Each lab draws them by its seed, so that no diagnosis can be right, or know how wrong it is, by the shapes of one lab.
 The sizes are the converter's, and scatter as parts do (:mod:`drivers.mocks.lab.parts`).
 
-- Switching energy: a share of it is linear in the current, the rest goes by the datasheet's exponent. Makers' curves of
-  turn-off energy run from a straight line to a parabola.
+- Switching energy: a share of it is linear in the current, the rest goes by the datasheet's exponent.
 - Eddy currents: Dowell's rise with the square of the frequency flattens where a layer is no longer thin against the
   skin's depth, :math:`k^2 / (1 + f\,(k^2 - 1))` at the harmonic k.
-- Core loss: a parabola about the temperature at which the ferrite loses least, 75 to 115 degC for power ferrites; flat
-  grades lose 4 to 15 % more at 30 degC than there.
+- Core loss: a parabola about the temperature at which the ferrite loses least. Ferrites are flat: at 30 degC they lose
+  2 to 22 % more than there.
 - Recovery: its energy is lost in the diode and in the switch that drives it, in a ratio that depends on how snappy the
   diode is.
 """
@@ -30,7 +29,8 @@ _SIZED_C = 60.0  # where a core loses what its data say: about as warm as it run
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laws:
     """Shapes of one lab's laws: ``linear_share`` of switching energies, ``flattening`` of eddy currents per squared
-    harmonic, temperature and curvature of the cores' minimum, the diode's share of its recovery, and the choke.
+    harmonic, temperature and curvature of the cores' minimum, the diode's share of its recovery; and the choke, which
+    follows from what a lab hides.
     """
 
     linear_share: float = 0.3
@@ -42,7 +42,7 @@ class Laws:
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Self:
-        """Shapes as makers' curves have them; assumption: evenly, small numbers from half to twice."""
+        """Assumption: every shape evenly about its default; small numbers from half of it to twice."""
         return cls(
             linear_share=float(rng.uniform(0.0, 0.6)),
             flattening=float(np.exp(rng.uniform(np.log(0.002), np.log(0.008)))),
