@@ -31,6 +31,7 @@ from models.diagnosis.change import (
 )
 from models.diagnosis.hypotheses import Fit
 from models.diagnosis.leftover import Leftovers
+from models.diagnosis.lone import LEAST_ROWS, lone_variance
 from models.diagnosis.observations import Observations
 from models.diagnosis.refinery import Refinery
 from models.diagnosis.signatures import Signature
@@ -41,7 +42,6 @@ Array = NDArray[np.float64]
 Replicated = Callable[[Array], Covariance]
 
 AMPLITUDE = 1.0  # one sigma, in times of what is found at first
-_LEAST_ROWS = 6  # on either side of a moment: fewer may be outliers
 _MOMENTS = 8  # that every effect is tried at: the next one is a sixteenth of the rows away at most
 _SIMULATED = 3  # effects that are simulated at their values
 _TWICE = 2  # times: what is far from a line
@@ -138,7 +138,7 @@ def _moments(observations: Observations) -> list[_Moment]:
             before=int(order[k - 1]),
             row=int(order[k]),
         )
-        for k in range(_LEAST_ROWS, rows.size - _LEAST_ROWS + 1)
+        for k in range(LEAST_ROWS, rows.size - LEAST_ROWS + 1)
         if times_s[k] > times_s[k - 1]
     ]
 
@@ -247,7 +247,8 @@ def find_onset(
     """The cause that sets in or goes away, where one is decisively likelier than all that is there all the time.
 
     Beside each of the ``fits``, in a covariance with the noise that replicates tell: ``replicated`` has it beside what
-    moves the readings by a shift (M,). None with efficiency alone.
+    moves the readings by a shift (M,). The few readings that even the best step leaves far off count for next to
+    nothing: they would be the better explained by whatever happens next to them. None with efficiency alone.
     """
     o = refinery.observations
     if o.efficiency_alone or not (moments := _moments(o)):
@@ -257,13 +258,23 @@ def find_onset(
     effects, sensors = refinery.known.effects, sensors_among(refinery, leftovers)
     slopes = [s.slope * s.entry.headline.prior for s in effects]
     directions = np.stack([*slopes, *(each.columns[0] for each in sensors)])
-    beside = [_Beside.of(refinery, fit, replicated(fit.shift)) for fit in fits]
     decisive = _DECISIVE + math.log(2.0 * len(moments) * len(directions))
-    steps = [(each, each.best_steps(directions, time_s, tried)) for each in beside]
-    here, straight = max(steps, key=lambda pair: max(step.log_evidence for step in pair[1]))
-    largest = max(step.log_evidence for step in straight)
-    if largest < max(each.bare for each in beside) + decisive:  # as most are: leftovers need not be asked
+
+    def asked(replicated: Replicated) -> tuple[list[_Beside], _Beside, list[_Best], float]:
+        beside = [_Beside.of(refinery, fit, replicated(fit.shift)) for fit in fits]
+        steps = [(each, each.best_steps(directions, time_s, tried)) for each in beside]
+        here, straight = max(steps, key=lambda pair: max(step.log_evidence for step in pair[1]))
+        return beside, here, straight, max(step.log_evidence for step in straight)
+
+    beside, here, straight, largest = asked(replicated)
+    if largest < max(each.bare for each in beside) + decisive:  # as most are: nothing else need be asked
         return None
+    likeliest = max(range(len(straight)), key=lambda k: straight[k].log_evidence)
+    plain = straight[likeliest].step(directions[likeliest], time_s)
+    lone = _left_alone(refinery, here.fit, plain, replicated)
+    if np.any(lone):
+        replicated = _noisier(replicated, lone)
+        beside, here, straight, largest = asked(replicated)
     always = with_wandering_conditions(refinery, leftovers)
     least = max(each.without_a_step(always) for each in beside) + decisive
     if largest < least:
@@ -286,6 +297,16 @@ def find_onset(
     left = refinery.residual - here.fit.shift
     likelier = likelier_change(refinery, left, step, doubted.whitener, leftovers)
     return replace(onset, change=likelier or onset.change)
+
+
+def _noisier(replicated: Replicated, variance: Array) -> Replicated:
+    return lambda shift: replicated(shift).noisier(variance)
+
+
+def _left_alone(refinery: Refinery, fit: Fit, step: Step, replicated: Replicated) -> Array:
+    """The variance (M,) of readings that stand alone beside a fit with a step on it."""
+    beside = _Beside.of(refinery, fit, replicated(fit.shift + step.shift).wider(step.columns))
+    return lone_variance(beside.whitener, refinery.residual - fit.shift, refinery.observations.row)
 
 
 def _best_sensor(

@@ -15,6 +15,7 @@ from models.diagnosis.hypotheses import Fit
 from models.diagnosis.law import Laws, law_columns
 from models.diagnosis.law_errors import law_errors
 from models.diagnosis.leftover import Leftovers, SingleDirection, leftovers
+from models.diagnosis.lone import FAR
 from models.diagnosis.noise import (
     ChannelNoise,
     corrected,
@@ -51,7 +52,6 @@ _OTHERS_NARROWER = ((0.3, 3.0), (0.09, 3.0))  # of all other channels together
 # Of what no law is good to from one reading to the next, with efficiency alone, unless the readings speak against it
 _SMOOTHER = ((0.3, -2.0),)
 _SEED = 0  # of the probes
-_OUTLIER = 6.0  # sigmas: one normal reading in a billion
 _LEAST_FREE = 0.05  # of a channel's readings, left free by the explanation: less is within the probes' error
 
 
@@ -82,7 +82,7 @@ class Setting:
     @property
     def outliers(self) -> NDArray[np.bool_]:
         """Which readings (M,) are so far off that they count for next to nothing."""
-        return np.asarray(self.far_off > _OUTLIER)
+        return np.asarray(self.far_off > FAR)
 
     def leftover_everywhere(self) -> Array:
         """Directions (q, M) of the largest leftover that is thought possible in all channels."""

@@ -63,6 +63,27 @@ def test_what_is_always_there_does_not_set_in(hidden: dict[str, float]) -> None:
     assert found.verdict.named == tuple(hidden)
 
 
+def misread(frame: pd.DataFrame, rows: list[int]) -> pd.DataFrame:
+    """The same with an input power that was entered 300 W too high in some of the rows that carry power."""
+    wrong = frame.drop(columns="efficiency", errors="ignore")
+    wrong.loc[wrong.index[wrong["kind"] == "load"][rows], "P1_W"] += 300.0
+    return wrong
+
+
+@pytest.mark.parametrize("rows", [[5], [28], [44, 46]])
+def test_a_reading_that_nothing_explains_does_not_set_in(rows: list[int]) -> None:
+    found = seen(misread(lab(), rows))
+    assert found.unexplained is None or found.unexplained.onset is None
+    assert len({row["row"] for row in found.as_plain(ahead=False)["rejected_rows"]}) >= len(rows)
+
+
+def test_beside_such_a_reading_what_sets_in_is_told_as_without() -> None:
+    frame, at_s = happened(lab(), lab(link_resistance=0.08), 0.5)
+    onset = onset_of(seen(misread(frame, [5, 28])))
+    assert (onset.effect, onset.sets_in, onset.after_s) == ("link_resistance", True, at_s)
+    assert onset.value - onset.aside == pytest.approx(0.08, rel=OF_SIZE)
+
+
 def test_without_time_nothing_sets_in() -> None:
     frame, _ = happened(lab(), lab(link_resistance=0.08), 0.5)
     found = seen(frame.drop(columns="time_s"))
