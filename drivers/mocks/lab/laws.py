@@ -33,7 +33,7 @@ class Laws:
     follows from what a lab hides.
     """
 
-    linear_share: float = 0.3
+    linear_share: float = 0.5
     flattening: float = 0.004
     least_core_C: float = 95.0
     core_per_K2: float = 1.5e-5
@@ -44,7 +44,7 @@ class Laws:
     def draw(cls, rng: np.random.Generator) -> Self:
         """Assumption: every shape evenly about its default; small numbers from half of it to twice."""
         return cls(
-            linear_share=float(rng.uniform(0.0, 0.6)),
+            linear_share=float(rng.uniform(0.0, 1.0)),
             flattening=float(np.exp(rng.uniform(np.log(0.002), np.log(0.008)))),
             least_core_C=float(rng.uniform(75.0, 115.0)),
             core_per_K2=float(np.exp(rng.uniform(np.log(0.75e-5), np.log(3e-5)))),

@@ -31,6 +31,7 @@ from sim.soft_switching import leg_curve
 Array = NDArray[np.float64]
 Drop = tuple[Array, Array]  # threshold in V and resistance in Ohm
 KINDS = ("outer", "inner", "clamp")
+_RISING = np.linspace(0.0, 1.0, 65) ** 2  # of a swing's voltage: denser where charge rises steeply
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,6 +109,19 @@ def _charge(junctions: Sequence[Capacitance], voltage_V: Array) -> Array:
     return np.asarray(sum(np.asarray(j.charge_C(voltage_V)) for j in junctions))
 
 
+def _closing_J(charging: Sequence[Capacitance], discharging: Sequence[Capacitance], swing_V: Array) -> Array:
+    """Energy in J that is lost where a switch closes on a whole swing (N,), by quadrature of charge over voltage.
+
+    The rail drives the charging junctions at its full voltage, and what they do not store is lost; the discharging
+    ones lose what they had stored. With unlike junctions the two edges of a leg differ.
+    """
+    reached_V = swing_V * _RISING[:, None]
+    not_stored_J = np.trapezoid(_charge(charging, reached_V), reached_V, axis=0)
+    still_held_C = _charge(discharging, swing_V) - _charge(discharging, reached_V)
+    had_stored_J = np.trapezoid(still_held_C, reached_V, axis=0)
+    return np.asarray(not_stored_J + had_stored_J)
+
+
 def _channel(switch: Switch, junction_C: Array) -> tuple[Drop, Drop]:
     """Forward and backward drop of a switch with its gate on."""
     if not switch.synchronous:
@@ -146,6 +160,12 @@ class _ThreeLevel:
     def _half_charge(self, V1_V: Array) -> Array:
         return _charge([*self._slow, *self._fast], 0.5 * V1_V)
 
+    def _outer_closes_J(self, V1_V: Array) -> Array:
+        return _closing_J(self._slow, self._fast, 0.5 * V1_V)
+
+    def _inner_closes_J(self, V1_V: Array) -> Array:
+        return _closing_J(self._fast, self._slow, 0.5 * V1_V)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampedLegs(_ThreeLevel):
@@ -171,19 +191,18 @@ class ClampedLegs(_ThreeLevel):
     def energies_J(self, at: Junctions, V1_V: Array, edges: Edges, laws: Laws) -> dict[str, Array]:
         """The first edge opens inner switches and closes outer ones, the second the other way round."""
         half, off, on = 0.5 * V1_V, edges.off_A, edges.on_A
-        hard_J = 0.5 * self._half_charge(V1_V) * half * edges.missing**2
         recovered = np.asarray(self.clamp.recovery.at(current_A=on[0], junction_C=at.clamp))
         outer_J = (
             laws.switching_J(self.outer.turn_on, on[0], half, at.outer)
             + laws.switching_J(self.outer.turn_off, off[1], half, at.outer)
-            + hard_J[0]
+            + self._outer_closes_J(V1_V) * edges.missing[0] ** 2
             + (1 - laws.diode_share) * recovered * half
             + (edges.opposite_C[0] + edges.same_C[1]) * self.outer.reverse.threshold_V
         )
         inner_J = (
             laws.switching_J(self.inner.turn_off, off[0], half, at.inner)
             + laws.switching_J(self.inner.turn_on, on[1], half, at.inner)
-            + hard_J[1]
+            + self._inner_closes_J(V1_V) * edges.missing[1] ** 2
             + np.asarray(self.outer.recovery.at(current_A=on[1], junction_C=at.outer)) * half
         )
         legs = 2.0
@@ -214,19 +233,18 @@ class ShiftedLegs(_ThreeLevel):
         """Both switches of a rail open at each edge, both of the other one close."""
         half, off, on = 0.5 * V1_V, edges.off_A, edges.on_A
         first, second = np.clip(2 * edges.missing - 1, 0.0, 1.0), np.clip(2 * edges.missing, 0.0, 1.0)
-        hard_J = 0.5 * self._half_charge(V1_V) * half
         diodes_C = edges.opposite_C + edges.same_C
         outer_J = (
             laws.switching_J(self.outer.turn_off, off, half, at.outer)
             + laws.switching_J(self.outer.turn_on, on * second, half, at.outer)
-            + hard_J * second**2
+            + self._outer_closes_J(V1_V) * second**2
             + np.asarray(self.inner.recovery.at(current_A=on * second, junction_C=at.inner)) * half
             + diodes_C * self.outer.reverse.threshold_V
         )
         inner_J = (
             laws.switching_J(self.inner.turn_off, off, half, at.inner)
             + laws.switching_J(self.inner.turn_on, on * first, half, at.inner)
-            + hard_J * first**2
+            + self._inner_closes_J(V1_V) * first**2
             + np.asarray(self.outer.recovery.at(current_A=on * first, junction_C=at.outer)) * half
         )
         return {

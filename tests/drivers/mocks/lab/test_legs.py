@@ -8,9 +8,12 @@ import pytest
 
 from bench.model_file import read_model
 from drivers.mocks.lab.laboratory import Electrical, Laboratory
-from drivers.mocks.lab.legs import channel_Ohm
+from drivers.mocks.lab.legs import _closing_J, channel_Ohm
 from sim.model import Model
+from sim.parameters import Capacitance
+from sim.prototype import prototype
 from sim.simulate import Points, simulate
+from sim.soft_switching import residual_energy
 from tests.drivers.mocks.lab.laboratories import nominal
 
 D1, D2, POWER_W = np.array([0.8, 0.7]), np.array([0.15, 0.3]), np.array([400.0, 900.0])
@@ -40,6 +43,26 @@ def test_lab_and_simulator_agree_where_only_their_formulas_differ(modulation: st
     simulated = simulate(Model.baseline(modulation), Points(D1=D1, D2=D2, power_W=POWER_W))
     # 0.3 points: laws of temperature, switching and core that are written twice; a missing leg costs more
     np.testing.assert_allclose(POWER_W / now.drawn_W, simulated["efficiency"], atol=0.003)
+
+
+def test_closing_on_constant_capacitances_loses_what_one_knows_by_heart() -> None:
+    one, other = (Capacitance(zero_bias_F=C, junction_V=1e9, grading=0.5) for C in (100e-12, 300e-12))
+    swing_V = np.array([50.0, 150.0])
+    lost_J = _closing_J([one], [other], swing_V)
+    np.testing.assert_allclose(lost_J, 0.5 * 400e-12 * swing_V**2, rtol=1e-3)  # trapezoids of a straight line
+
+
+def test_the_two_edges_of_a_leg_lose_what_its_charge_took_from_the_rail() -> None:
+    """After both of them every junction is as it was: nothing is kept, so all that the rail gave is lost."""
+    npc, swing_V = prototype().primary, np.array([100.0, 150.0])
+    slow, fast = [npc.inner.capacitance, npc.clamp.capacitance], [npc.outer.capacitance]
+    edges_J = _closing_J(slow, fast, swing_V), _closing_J(fast, slow, swing_V)
+    given_C = sum(np.asarray(junction.charge_C(swing_V)) for junction in (*slow, *fast))
+    np.testing.assert_allclose(sum(edges_J), given_C * swing_V, rtol=1e-12)  # rounding
+    assert (edges_J[1] > 1.2 * edges_J[0]).all()  # junctions are not alike, so neither are the edges
+    for lost_J, (charging, discharging) in zip(edges_J, ((slow, fast), (fast, slow)), strict=True):
+        by_energy_J = residual_energy(charging, discharging, swing_V, 1.0)
+        np.testing.assert_allclose(lost_J, by_energy_J, rtol=1e-3)  # quadrature against the antiderivative
 
 
 def test_a_full_pulse_has_no_zero_state_to_differ_in() -> None:
