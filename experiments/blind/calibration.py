@@ -46,11 +46,16 @@ def reliability(stated: Sequence[tuple[float, bool]]) -> tuple[Table, int]:
         share = Share.of(hit for _, hit in own)
         mean = 100 * float(np.mean([p for p, _ in own])) if own else None
         ci = share.interval(_CONFIDENCE)
-        outside = mean is not None and len(own) >= _LEAST and not ci[0] <= mean <= ci[1]
-        off += outside
+        if mean is None or len(own) < _LEAST:
+            said = "too few"
+        elif ci[0] <= mean <= ci[1]:
+            said = "agrees"
+        else:
+            said = "off"
+        off += said == "off"
         label = f"{low:.2f} to {min(high, 1.0):.2f}"
         observed = share.per_cent if own else None
-        rows.append((label, len(own), mean, observed, ci[0], ci[1], "off" if outside else "agrees"))
+        rows.append((label, len(own), mean, observed, ci[0], ci[1], said))
     columns = ("stated probability", "statements", "mean stated, %", "observed, %", "99 % from", "to", "")
     return Table(title=RELIABILITY, columns=columns, rows=tuple(rows)), off
 

@@ -109,3 +109,10 @@ def test_probabilities_that_are_too_sure_put_their_bin_off() -> None:
     wrong = [scored("fan_step", answer("named", "dead_time", probability=0.97)) for _ in range(3)]
     assert reliability(statements([*right, *wrong]))[1] == 0
     assert reliability(statements([*right[:50], *wrong * 10]))[1] == 1
+
+
+def test_a_bin_of_few_statements_does_not_agree() -> None:
+    unlikely = [scored("dead_time", answer("consistent", "dead_time", probability=0.03)) for _ in range(4)]
+    table, off = reliability(statements(unlikely))
+    assert ([row[-1] for row in table.rows], off) == (["too few"] * len(table.rows), 0)
+    assert reliability(statements([*unlikely, unlikely[0]]))[1] == 1
