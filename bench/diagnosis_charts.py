@@ -9,9 +9,10 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from bench.charts import DIFFERENCE, MARGIN, OKABE_ITO
-from bench.wording import channel_name, difference_unit, effect_name, probability_text
+from bench.wording import channel_name, difference_unit, effect_name, minus, probability_text
 
 _COLUMNS = 3  # side by side on a narrow screen
+_OF_INPUT = "residual_P1_W"  # the column whose course over time is shown
 _QUANTILE = 0.98  # of the absolute residuals: what the colours of a map span
 
 
@@ -19,6 +20,16 @@ def residual_columns(residuals: pd.DataFrame) -> dict[str, str]:
     """Channel and column of every residual that has values."""
     found = [str(c) for c in residuals if str(c).startswith("residual_") and residuals[c].notna().any()]
     return {name.removeprefix("residual_"): name for name in found}
+
+
+def readings_that_count(residuals: pd.DataFrame, rejected: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """The residuals without those of ``rejected`` readings (of the JSON answer): NaN in their place."""
+    counted = residuals.copy()
+    for reading in rejected:
+        name = f"residual_{reading['column']}"
+        if name in counted:
+            counted.loc[counted["row"] == reading["row"], name] = np.nan
+    return counted
 
 
 def residual_maps(residuals: pd.DataFrame) -> go.Figure | None:
@@ -92,27 +103,62 @@ def _amount(value: float, channel: str) -> str:
     return f"{value:.2g} {difference_unit(channel)}"
 
 
-def residual_over_time(residuals: pd.DataFrame) -> go.Figure | None:
-    """The gap in input power since the campaign's start: since when, and whether it drifts."""
-    if "time_s" not in residuals or "residual_P1_W" not in residuals:
+def residual_over_time(residuals: pd.DataFrame, counted: pd.DataFrame) -> go.Figure | None:
+    """The gap in input power since the campaign's start: since when, and whether it drifts.
+
+    ``counted`` holds the readings that count; the axis spans those, and others that lie beyond stand at its edge.
+    """
+    if "time_s" not in residuals or _OF_INPUT not in residuals:
         return None
-    rows = residuals.dropna(subset=["residual_P1_W", "time_s"])
-    if not len(rows):
+    rows = residuals.dropna(subset=[_OF_INPUT, "time_s"])
+    counts = counted.loc[rows.index, _OF_INPUT].notna()
+    if not counts.any():
         return None
     figure = go.Figure()
     colours = dict(zip(("load", "reference", "no_load", "standby"), OKABE_ITO.values(), strict=False))
-    for kind, group in rows.groupby("kind"):
+    for kind, group in rows[counts].groupby("kind"):
         marker = {"size": 7, "color": colours.get(str(kind), OKABE_ITO["grey"])}
-        name = str(kind).replace("_", " ")
+        label = str(kind).replace("_", " ")
         figure.add_trace(
             go.Scatter(
-                x=group["time_s"] / 3600, y=group["residual_P1_W"], mode="markers", marker=marker, name=name
+                x=group["time_s"] / 3600, y=group[_OF_INPUT], mode="markers", marker=marker, name=label
             )
         )
     figure.update_xaxes(title_text="time since the campaign's start (h)")
     figure.update_yaxes(title_text="input power, meas. − sim. (W)", zeroline=True)
     figure.update_layout(height=330, margin=MARGIN, legend={"orientation": "h", "y": 1.12})
+    if not counts.all():
+        span = _widened(rows.loc[counts, _OF_INPUT])
+        figure.add_trace(_counts_for_nothing(rows.loc[~counts, "time_s"], rows.loc[~counts, _OF_INPUT], span))
+        figure.update_yaxes(range=span)
     return figure
+
+
+def _widened(values: pd.Series) -> tuple[float, float]:
+    """A span that holds zero and all values, with some room."""
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    room = 0.15 * (high - low) or 1.0
+    return low - room, high + room
+
+
+def _counts_for_nothing(time_s: pd.Series, off_W: pd.Series, span: tuple[float, float]) -> go.Scatter:
+    low, high = span
+    at_W = off_W.clip(0.95 * low + 0.05 * high, 0.05 * low + 0.95 * high)
+    beyond = at_W != off_W
+    return go.Scatter(
+        x=time_s / 3600,
+        y=at_W,
+        mode="markers+text",
+        text=np.where(beyond, [minus(f"{value:+.3g} W") for value in off_W], ""),
+        textposition="middle right",
+        marker={
+            "symbol": np.where(~beyond, "x", np.where(off_W > 0, "triangle-up", "triangle-down")),
+            "color": OKABE_ITO["grey"], "size": 10,
+        },
+        customdata=off_W,
+        hovertemplate="%{customdata:+.4g} W<extra></extra>",
+        name="counts for nothing",
+    )  # fmt: skip
 
 
 def cause_bars(causes: Sequence[Mapping[str, Any]], unknown: float, consistent: float) -> go.Figure:

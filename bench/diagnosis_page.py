@@ -148,9 +148,10 @@ def ties(diagnosis: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
 
 def _charts(page: DiagnosisPage) -> dict[str, str]:
     d = page.diagnosis
+    counted = diagnosis_charts.readings_that_count(page.residuals, d["rejected_rows"])
     figures: dict[str, go.Figure | None] = {
-        "residuals": diagnosis_charts.residual_maps(page.residuals),
-        "time": diagnosis_charts.residual_over_time(page.residuals),
+        "residuals": diagnosis_charts.residual_maps(counted),
+        "time": diagnosis_charts.residual_over_time(page.residuals, counted),
         "causes": diagnosis_charts.cause_bars(
             probable_causes(d), d["unknown"]["probability"], d["consistent"]["probability"]
         ),
