@@ -97,4 +97,4 @@ def run(settings: Settings) -> Result:
     return run_with(SCORING, settings)
 
 
-EXPERIMENT = Experiment(title="Blind trials of the diagnosis", run=run, parts=NAMES, apart=True)
+EXPERIMENT = Experiment(title="Blind trials of the diagnosis", run=run, parts=NAMES, apart=True, spread=True)

@@ -12,4 +12,6 @@ def run(settings: Settings) -> Result:
     return run_with(TUNING, settings)
 
 
-EXPERIMENT = Experiment(title="Blind trials on the seeds for tuning", run=run, parts=NAMES, apart=True)
+EXPERIMENT = Experiment(
+    title="Blind trials on the seeds for tuning", run=run, parts=NAMES, apart=True, spread=True
+)

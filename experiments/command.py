@@ -23,6 +23,7 @@ from bench.commands.options import check_folder
 from bench.commands.streams import err, out, stamp
 from bench.errors import InputError
 from bench.wording import duration
+from bench.workers import LOCAL
 from experiments.harness.journal import code_hash
 from experiments.harness.overview import Overview
 from experiments.harness.page import Page
@@ -32,6 +33,7 @@ from experiments.harness.result import Table, shown
 from experiments.harness.settings import Settings, Step, Watch
 
 QUICK = 0.1
+_ON_DASK = "trials that a cluster may run: blind_trials, blind_tuning, first_trials"
 _WITH_REFERENCE = "an experiment that compares with other people's points: simulator_benchmark"
 DEFAULT_FOLDER = Path("experiments-out")
 _LINE_EVERY_S = 10.0
@@ -56,6 +58,13 @@ def experiment(
         Path, typer.Option("--out", metavar="DIR", help="where the results go")
     ] = DEFAULT_FOLDER,
     processes: Annotated[int, typer.Option(min=1, help="trials side by side")] = 2,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help=f"trials on a Dask scheduler instead, or '{LOCAL}' for a cluster on this machine",
+        ),
+    ] = None,
     again: Annotated[bool, typer.Option("--again", help="with all: also what DIR already holds")] = False,
     reference: Annotated[
         Path | None, typer.Option(metavar="FILE", help="other people's points, for simulator_benchmark")
@@ -79,6 +88,7 @@ def experiment(
         out=out_folder,
         scale=_scale(quick, scale),
         processes=processes,
+        dask=dask,
         reference=reference,
         only=tuple(only or ()),
     )
@@ -86,11 +96,13 @@ def experiment(
     if name == "all":
         _refuse(only is not None, "--only", "one experiment that has parts, not all")
         _refuse(reference is not None, "--reference", _WITH_REFERENCE)
+        _refuse(dask is not None, "--dask", _ON_DASK)
         _all(task, again)
     else:
         found = _entry(name)
         _refuse(again, "--again", "all: a single experiment is always run again")
         _refuse(reference is not None and not found.experiment.reference, "--reference", _WITH_REFERENCE)
+        _refuse(dask is not None and not found.experiment.spread, "--dask", _ON_DASK)
         _check_parts(found, settings.only)
         _print_page(task.run(found), out_folder)
 

@@ -118,5 +118,5 @@ def _every_trial(scored: Sequence[Scored]) -> Table:
 
 
 EXPERIMENT = Experiment(
-    title="First blind trials: one hidden effect, 100 points, all channels", run=run, apart=True
+    title="First blind trials: one hidden effect, 100 points, all channels", run=run, apart=True, spread=True
 )

@@ -21,8 +21,8 @@ _NOT_ONE = ("command",)
 class Experiment:
     """A title, the function that runs it, and the parts of it that can be run alone, if any.
 
-    One may compare with a ``reference`` file of other people's points. ``all`` is the paper, table by table and figure
-    by figure; trials and benchmarks stand ``apart``.
+    One may compare with a ``reference`` file of other people's points, and ``spread`` its trials over a cluster.
+    ``all`` is the paper, table by table and figure by figure; trials and benchmarks stand ``apart``.
     """
 
     title: str
@@ -30,6 +30,7 @@ class Experiment:
     parts: tuple[str, ...] = ()
     apart: bool = False
     reference: bool = False
+    spread: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

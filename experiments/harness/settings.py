@@ -27,13 +27,15 @@ def silent(_: Step) -> None:
 class Settings:
     """``scale`` thins an experiment (1 is all of it), ``out`` is its folder, ``now`` a clock in seconds.
 
-    ``reference`` is a file of other people's points, for the experiment that compares with them; ``only`` names the
-    parts to run, empty for all.
+    So many ``processes`` work side by side, or instead of them the workers of a scheduler at the address ``dask``
+    (``local``: a cluster of so many here). ``reference`` is a file of other people's points, for the experiment that
+    compares with them; ``only`` names the parts to run, empty for all.
     """
 
     out: Path
     scale: float = 1.0
     processes: int = 2
+    dask: str | None = None
     reference: Path | None = None
     only: tuple[str, ...] = ()
     watch: Watch = silent

@@ -63,6 +63,11 @@ def test_all_writes_one_page_with_every_row_and_keeps_what_is_done(
         (("all", "--only", "pairs"), "--only: is for one experiment that has parts"),
         (("blind_trials", "--again"), "--again: is for all"),
         (("blind_trials", "--reference", "theirs.csv"), "--reference: is for an experiment that compares"),
+        (
+            ("search_benchmark", "--dask", "local"),
+            "--dask: is for trials that a cluster may run: blind_trials",
+        ),
+        (("all", "--dask", "local"), "--dask: is for trials that a cluster may run"),
     ],
 )
 def test_wrong_use_is_told(arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:

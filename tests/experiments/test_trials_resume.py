@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from bench.workers import LOCAL
 from experiments.harness.journal import Journal, code_hash
 from experiments.harness.settings import Settings, Step
 from experiments.harness.trials import perform
@@ -105,6 +106,17 @@ def test_processes_of_their_own_use_one_thread(tmp_path: Path, monkeypatch: pyte
     assert {r["threads"] for r in records} == {"1"}
     assert os.getpid() not in {r["process"] for r in records}
     assert os.environ["OMP_NUM_THREADS"] == "7"
+
+
+@pytest.mark.filterwarnings("ignore")  # of Dask's own start and end
+def test_a_cluster_finds_the_same_and_takes_up_what_others_left(tmp_path: Path) -> None:
+    cluster = Settings(out=tmp_path, processes=2, dask=LOCAL)
+    run(tmp_path, 1, 2)
+    done.clear()
+    records = perform(square, [Square(n) for n in range(6)], journal(tmp_path), cluster)
+    assert records == [{"square": n**2} for n in range(6)]
+    assert done == []  # none of them here
+    assert perform(square, [Square(4)], journal(tmp_path), cluster) == [{"square": 16}]
 
 
 def test_a_killed_run_leaves_no_process_behind(tmp_path: Path) -> None:
