@@ -9,7 +9,7 @@ of the hidden effect stand out of whatever could be mistaken for it, in what noi
 leave. What that excludes is counted. ``--only`` runs some of the parts, those without a bar too; finished trials are
 kept and not repeated.
 
-Seeds 5000000 to 5099999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
+Seeds 5100000 to 5199999 are scored; 100000 to 199999 are for tuning a diagnosis and are run by `blind_tuning`.
 """
 
 from collections.abc import Collection, Sequence

@@ -35,5 +35,5 @@ class Seeds:
 
 
 TUNING = Seeds(first=100_000, said="tuning")
-# 500,000 to 4,899,999, and 4,930,000 to 4,939,999, were scored before; what they showed is known
-SCORING = Seeds(first=5_000_000, said="scoring")
+# 500,000 to 4,899,999, 4,930,000 to 4,939,999 and 5,000,000 to 5,099,999 were scored before: what they showed is known
+SCORING = Seeds(first=5_100_000, said="scoring")
