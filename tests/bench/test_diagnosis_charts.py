@@ -49,9 +49,8 @@ def test_what_counts_for_nothing_does_not_span_the_colours(residuals: pd.DataFra
     figure = residual_maps(counted)
     assert figure is not None
     assert len(figure.data[0].x) == 1  # a ring
-    assert (
-        float(figure.layout.annotations[0].text.split("±")[1].split()[0]) < 20
-    )  # W: the others are below 18
+    span_W = float(figure.layout.annotations[0].text.split("±")[1].split()[0])
+    assert span_W < 20  # the others are below 18
 
 
 @pytest.mark.parametrize(

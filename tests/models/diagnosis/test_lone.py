@@ -30,16 +30,15 @@ def test_those_far_off_are_widened_by_what_the_others_say_they_are_off(where: tu
     off[list(where)] = 800.0
     found = lone_variance(alike(), quiet() + off - 250.0, ROW)
     assert tuple(np.flatnonzero(found)) == where
-    np.testing.assert_allclose(
-        np.sqrt(found[list(where)]), 800.0, atol=5.0
-    )  # noise of 1 there, and of the line
+    off_by = np.sqrt(found[list(where)])
+    np.testing.assert_allclose(off_by, 800.0, atol=5.0)  # noise of 1 there, and of the line
 
 
 def test_as_many_as_may_be_an_effect_are_none() -> None:
     off = np.where(ROW < LEAST_ROWS, 800.0, 0.0)
     assert not np.any(lone_variance(alike(), quiet() + off, ROW))
-    one_row = np.minimum(ROW, LEAST_ROWS) + np.where(ROW < LEAST_ROWS, -ROW, 0)  # six readings of one row
-    assert np.count_nonzero(lone_variance(alike(), quiet() + off, one_row)) == LEAST_ROWS
+    of_one_row = np.where(ROW < LEAST_ROWS, 0, ROW)
+    assert np.count_nonzero(lone_variance(alike(), quiet() + off, of_one_row)) == LEAST_ROWS
 
 
 def test_what_is_not_far_off_counts_as_it_did() -> None:

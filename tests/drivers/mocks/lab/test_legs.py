@@ -8,7 +8,8 @@ import pytest
 
 from bench.model_file import read_model
 from drivers.mocks.lab.laboratory import Electrical, Laboratory
-from drivers.mocks.lab.legs import _closing_J, channel_Ohm
+from drivers.mocks.lab.laws import Laws
+from drivers.mocks.lab.legs import Edges, Junctions, _closing_J, channel_Ohm, primary_legs
 from sim.model import Model
 from sim.parameters import Capacitance
 from sim.prototype import prototype
@@ -63,6 +64,25 @@ def test_the_two_edges_of_a_leg_lose_what_its_charge_took_from_the_rail() -> Non
     for lost_J, (charging, discharging) in zip(edges_J, ((slow, fast), (fast, slow)), strict=True):
         by_energy_J = residual_energy(charging, discharging, swing_V, 1.0)
         np.testing.assert_allclose(lost_J, by_energy_J, rtol=1e-3)  # quadrature against the antiderivative
+
+
+def test_each_kind_of_switch_pays_for_the_edge_that_it_closes() -> None:
+    """At no current and with nothing recovered, closing is all that an edge costs."""
+    npc, link_V, none = prototype().primary, np.array([300.0]), np.zeros((2, 1))
+    at = Junctions(outer=link_V * 0 + 60.0, inner=link_V * 0 + 60.0, clamp=link_V * 0 + 60.0)
+    slow, fast = [npc.inner.capacitance, npc.clamp.capacitance], [npc.outer.capacitance]
+    outer_J, inner_J = _closing_J(slow, fast, 0.5 * link_V), _closing_J(fast, slow, 0.5 * link_V)
+
+    def paid(missing: float, modulation: str) -> dict[str, np.ndarray]:
+        legs = primary_legs(replace(prototype(), modulation=modulation))
+        edges = Edges(off_A=none, on_A=none, missing=none + missing, opposite_C=none, same_C=none)
+        return legs.energies_J(at, link_V, edges, Laws())
+
+    for modulation in ("hybrid", "tps"):  # two legs each, whole swings and what is left of the second half
+        np.testing.assert_allclose(paid(1.0, modulation)["outer"], 2 * outer_J, rtol=1e-12)  # rounding
+        np.testing.assert_allclose(paid(1.0, modulation)["inner"], 2 * inner_J, rtol=1e-12)
+    np.testing.assert_allclose(paid(0.5, "hybrid")["inner"], 0.5 * inner_J, rtol=1e-12)
+    assert not paid(0.5, "tps")["inner"].any()
 
 
 def test_a_full_pulse_has_no_zero_state_to_differ_in() -> None:
